@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a frame is drawn from: plain data, world space in float64, no Blender objects.
+
+`extract.py` fills these from the evaluated depsgraph, `core/plan.py` reads them and
+`render/` uploads them. A consumer that keeps a copy on the GPU compares `version`:
+equal versions mean equal content, so nothing has to be uploaded again.
+
+Conventions: metres, radians, scene-linear RGB, Z up. Matrices act on column vectors.
+A camera looks along its own -Z with +Y up, as in Blender and OpenGL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .waves import SineWave
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """The triangles of one material slot: (T, 3) int32 indices into the mesh's vertices."""
+
+    slot: int
+    triangles: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A triangulated, evaluated mesh in object space.
+
+    positions, normals: (V, 3) float32; uvs: (V, 2) float32 or None; colors: (V, 4)
+    float32 scene-linear or None. `solid` tells that the surface is closed (every edge
+    has exactly two faces), so that its back faces are its inside.
+    """
+
+    key: Hashable
+    version: int
+    positions: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray | None
+    colors: np.ndarray | None
+    parts: tuple[MeshPart, ...]
+    solid: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """The diffuse part of a Blender material.
+
+    base_color: (3,) scene-linear. image: name of the base-colour image (multiplied by
+    nothing: it replaces base_color) or None. alpha_threshold: fragments of the image
+    with less alpha are dropped; None for opaque. cull_back_faces: the user's own
+    "Backface Culling" switch.
+    """
+
+    key: Hashable
+    base_color: np.ndarray
+    image: str | None = None
+    use_color_attribute: bool = False
+    alpha_threshold: float | None = None
+    cull_back_faces: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Draw:
+    """Instances of one mesh part with one material. matrices: (n, 4, 4) float64 object to world."""
+
+    mesh: Hashable
+    part: int
+    material: Hashable
+    matrices: np.ndarray
+    version: int
+
+
+@dataclass(frozen=True, eq=False)
+class Sun:
+    """A directional light. direction: (3,) unit, towards the sun; irradiance: (3,) W/m^2, scene-linear."""
+
+    direction: np.ndarray
+    irradiance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Sky:
+    """The world's light.
+
+    radiance: (3,) the constant colour, or the mean of the image. image: name of an
+    equirectangular image or None; strength multiplies it; rotation: about +Z, radians.
+    irradiance_sh: (9, 3) coefficients of the diffuse irradiance divided by pi in real
+    spherical harmonics (Ramamoorthi and Hanrahan 2001), ordered l,m = 00, 1-1, 10, 11,
+    2-2, 2-1, 20, 21, 22, in world axes.
+    """
+
+    radiance: np.ndarray
+    irradiance_sh: np.ndarray
+    image: str | None = None
+    strength: float = 1.0
+    rotation: float = 0.0
+    version: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """view: (4, 4) world to camera, rigid; projection: (4, 4) OpenGL clip space (-w..w in depth). float64.
+
+    Perspective or orthographic, with lens shift, pixel aspect and clip range all in `projection`.
+    """
+
+    view: np.ndarray
+    projection: np.ndarray
+
+
+@dataclass(frozen=True)
+class WaterSettings:
+    """What a person set on a water body (MODEL's symbols)."""
+
+    k: float = 0.5
+    q: float = 5.0
+    c: float = 1.0
+    ior: float = 1.333
+    water_color: tuple[float, float, float] = (0.0, 0.2, 0.1)
+    waves: tuple[SineWave, ...] = ()
+    depth: float = 5.0  # m, for the dispersion relation
+
+
+@dataclass(frozen=True, eq=False)
+class WaterBody:
+    """One water surface over a horizontal plane.
+
+    matrix: (4, 4) float64 object to world. Waves run in the *water frame*: origin at
+    the object's location, axes turned by the object's heading (rotation about Z), in
+    metres whatever the object's scale.
+
+    grid: (resolution, half_x, half_y, center_x, center_y), a flat rectangle in the
+    water frame that is tessellated on the GPU, or None when `mesh` (key of a Mesh in
+    the snapshot) is to be drawn vertex for vertex.
+    """
+
+    key: Hashable
+    matrix: np.ndarray
+    settings: WaterSettings
+    grid: tuple[int, float, float, float, float] | None
+    mesh: Hashable | None = None
+
+    @property
+    def level(self) -> float:
+        """World z of the water plane."""
+        return float(self.matrix[2, 3])
+
+    @property
+    def heading(self) -> float:
+        """Rotation of the water frame about world Z, radians."""
+        return float(np.arctan2(self.matrix[1, 0], self.matrix[0, 0]))
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSnapshot:
+    """Everything that does not depend on the view.
+
+    version: changes when anything below changed, the time excepted. time: seconds
+    since frame 0, the waves' clock. notes: what could not be taken over from Blender,
+    in words for a person (unsupported nodes, skipped objects).
+    """
+
+    version: int
+    time: float
+    meshes: dict[Hashable, Mesh]
+    materials: dict[Hashable, Material]
+    draws: tuple[Draw, ...]
+    sky: Sky
+    sun: Sun | None = None
+    waters: tuple[WaterBody, ...] = ()
+    notes: tuple[str, ...] = field(default=())
