@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a person can set: on a water object (`object.lake_water`) and on a scene (`scene.lake_water`).
+
+Blender saves these with the file, animates and drives them, and undoes changes of them.
+Symbols are those of the optical model: k, q, c, FOV_ext. `water_objects.settings_of`
+turns a water object's settings into plain data.
+"""
+
+import math
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from .core.techniques import DEFAULT_TECHNIQUE, TECHNIQUES
+
+
+def _changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
+    """Does nothing itself: Blender tags a data-block for an update, also when Python sets a value, only
+    for properties that have an update function. Without the tag, extraction would not see the change."""
+
+
+NOTIFY = {"update": _changed}
+# A library override of a linked lake may change every setting of a water object.
+OVERRIDABLE = {"override": {"LIBRARY_OVERRIDABLE"}}
+OBJECT = NOTIFY | OVERRIDABLE
+
+# The five that the operator `lake_water.set_parameters` shows as well: stated once.
+K = {
+    "name": "Attenuation k (1/m)",
+    "description": "How fast the water swallows light: after 1/k metres 37 % of what lies behind it is left "
+    "and the water colour has taken the rest. 0.1 is clear, 0.5 a lake, 3 a bog. Costs nothing",
+    "default": 0.5,
+    "min": 0.0,
+    "max": 1000.0,
+    "soft_max": 3.0,
+    "step": 5,
+    "precision": 3,
+}
+Q = {
+    "name": "Fresnel Exponent q",
+    "description": "How suddenly the reflection takes over towards grazing view: lower reflects more at "
+    "middle angles. 5 is Schlick's value, 5.65 comes closest to real water overall. Costs nothing",
+    "default": 5.0,
+    "min": 0.0,
+    "max": 100.0,
+    "soft_min": 1.0,
+    "soft_max": 10.0,
+    "step": 10,
+    "precision": 2,
+}
+C = {
+    "name": "Reflection Offset c",
+    "description": "How far along the reflected ray the reflection is looked up: more makes the waves bend "
+    "the reflections further. 0 gives a plain mirror. Costs nothing",
+    "default": 1.0,
+    "min": 0.0,
+    "max": 1000.0,
+    "soft_max": 10.0,
+    "subtype": "DISTANCE",
+    "unit": "LENGTH",
+    "step": 10,
+    "precision": 2,
+}
+WATER_COLOR = {
+    "name": "Water Color",
+    "description": "Color that deep water turns to: the light that the volume itself sends back, "
+    "scene-linear. Costs nothing",
+    "default": (0.0, 0.2, 0.1),
+    "min": 0.0,
+    "max": 1000.0,
+    "soft_max": 1.0,
+    "size": 3,
+    "subtype": "COLOR",
+}
+FOV_EXT = {
+    "name": "Field of View Extension",
+    "description": "How much wider the refraction and reflection textures see than the camera, as a factor "
+    "of the tangent of half the field of view. More finds what waves bend in from outside the picture, "
+    "and makes both textures coarser by the same factor. 1.5 near the water, 1.2 far from it",
+    "default": 1.5,
+    "min": 1.0,
+    "max": 10.0,
+    "soft_max": 3.0,
+    "step": 5,
+    "precision": 2,
+}
+
+
+class LakeWaterWave(bpy.types.PropertyGroup):
+    """One sine wave of a water surface (`core.waves.SineWave`)."""
+
+    amplitude: FloatProperty(
+        name="Amplitude",
+        description="Height of the crests over the calm surface. High, short waves tear the refraction "
+        "apart: keep it below a tenth of the wavelength",
+        default=0.02,
+        min=0.0,
+        max=100.0,
+        soft_max=0.5,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        step=1,
+        precision=4,
+        **OBJECT,
+    )
+    wavelength: FloatProperty(
+        name="Wavelength",
+        description="Distance from crest to crest; the speed follows from it and the depth. Waves shorter "
+        "than twice the grid spacing need a higher grid resolution",
+        default=1.0,
+        min=0.01,
+        max=10000.0,
+        soft_min=0.1,
+        soft_max=20.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        step=10,
+        precision=3,
+        **OBJECT,
+    )
+    direction: FloatProperty(
+        name="Direction",
+        description="Where the wave travels to, from the water object's X axis towards its Y axis",
+        default=0.0,
+        soft_min=-math.pi,
+        soft_max=math.pi,
+        subtype="ANGLE",
+        unit="ROTATION",
+        step=500,
+        precision=1,
+        **OBJECT,
+    )
+    phase: FloatProperty(
+        name="Phase",
+        description="Where in its cycle the wave starts at the object's origin: gives waves of equal length "
+        "different places",
+        default=0.0,
+        soft_min=0.0,
+        soft_max=2.0 * math.pi,
+        subtype="ANGLE",
+        unit="ROTATION",
+        step=500,
+        precision=1,
+        **OBJECT,
+    )
+
+
+class LakeWaterObjectSettings(bpy.types.PropertyGroup):
+    """Settings of one water body, on the object whose mesh is its surface."""
+
+    enabled: BoolProperty(
+        name="Water",
+        description="This object is a water surface, drawn by Lake Water",
+        default=False,
+        **OBJECT,
+    )
+    surface: EnumProperty(
+        name="Surface",
+        description="What the waves displace",
+        items=(
+            (
+                "GRID",
+                "Grid",
+                "A grid over the object's rectangle, made on the graphics card: any resolution without more "
+                "work for the processor",
+            ),
+            (
+                "MESH",
+                "Mesh",
+                "The object's own vertices, modifiers included: any outline, as fine as modeled",
+            ),
+        ),
+        default="GRID",
+        **OBJECT,
+    )
+    grid_resolution: IntProperty(
+        name="Grid Resolution",
+        description="Vertices along each side of the grid. 49 is enough for a small lake; short waves on a "
+        "large one need more. The graphics card's work grows with its square",
+        default=49,
+        min=2,
+        max=1024,
+        soft_max=512,
+        **OBJECT,
+    )
+    k: FloatProperty(**K, **OBJECT)
+    q: FloatProperty(**Q, **OBJECT)
+    c: FloatProperty(**C, **OBJECT)
+    ior: FloatProperty(
+        name="Index of Refraction",
+        description="How strongly light bends at the surface: 1.333 for fresh water, 1.34 for the sea, 1 "
+        "for none. Costs nothing",
+        default=1.333,
+        min=1.0,
+        max=4.0,
+        soft_max=2.0,
+        step=0.5,
+        precision=3,
+        **OBJECT,
+    )
+    water_color: FloatVectorProperty(**WATER_COLOR, **OBJECT)
+    depth: FloatProperty(
+        name="Depth",
+        description="Depth of the water for the speed of the waves: long waves slow down where it is "
+        "shallow. It changes nothing else",
+        default=5.0,
+        min=0.01,
+        max=12000.0,
+        soft_min=0.1,
+        soft_max=100.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+        step=10,
+        precision=2,
+        **OBJECT,
+    )
+    waves: CollectionProperty(
+        type=LakeWaterWave,
+        name="Waves",
+        description="The sine waves whose sum is the surface",
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_wave: IntProperty(
+        name="Active Wave",
+        description="The wave whose values are shown below the list",
+        default=0,
+        min=0,
+        options=set(),
+        **OVERRIDABLE,
+    )
+    previous_display_type: StringProperty(
+        description="The object's Display As before it became water, to be put back",
+        options={"HIDDEN"},
+        **OVERRIDABLE,
+    )
+
+
+class LakeWaterSceneSettings(bpy.types.PropertyGroup):
+    """Settings of the picture, on the scene."""
+
+    technique: EnumProperty(
+        name="Technique",
+        description="How the water is computed",
+        items=[(key, t.label, t.description) for key, t in TECHNIQUES.items()],
+        default=DEFAULT_TECHNIQUE,
+        **NOTIFY,
+    )
+    fov_ext: FloatProperty(**FOV_EXT, **NOTIFY)
+    texture_size: IntProperty(
+        name="Texture Size",
+        description="Width and height of the refraction and reflection textures in pixels. Larger is "
+        "sharper under water; time and memory grow with the square",
+        default=512,
+        min=16,
+        max=8192,
+        soft_min=128,
+        soft_max=2048,
+        subtype="PIXEL",
+        **NOTIFY,
+    )
+    intersection_steps: IntProperty(
+        name="Intersection Steps",
+        description="Steps of the search for the point where a refracted ray meets the bottom: the main dial "
+        "between speed and accuracy. 1 shifts steep things sideways, 3 is the thesis's choice, "
+        "more helps where the bottom is uneven",
+        default=3,
+        min=1,
+        max=16,
+        soft_max=8,
+        **NOTIFY,
+    )
+    samples: IntProperty(
+        name="Render Samples",
+        description="Pictures from slightly shifted cameras that are averaged in a final render, for smooth "
+        "edges. Render time is proportional to it",
+        default=8,
+        min=1,
+        max=4096,
+        soft_max=64,
+        **NOTIFY,
+    )
+    viewport_samples: IntProperty(
+        name="Viewport Samples",
+        description="Pictures that are averaged in the Rendered viewport while nothing moves",
+        default=8,
+        min=1,
+        max=1024,
+        soft_max=64,
+        **NOTIFY,
+    )
+    show_in_viewport: BoolProperty(
+        name="Show Water in Viewport",
+        description="Draw the water over what Blender shows, in every shading mode. Costs the refraction and "
+        "reflection pass at each redraw",
+        default=True,
+        **NOTIFY,
+    )
+    show_statistics: BoolProperty(
+        name="Statistics",
+        description="Show frames per second and the time of each pass. Measuring them makes a frame slower",
+        default=False,
+        **NOTIFY,
+    )
+
+
+CLASSES = (LakeWaterWave, LakeWaterObjectSettings, LakeWaterSceneSettings)
+
+
+def register() -> None:
+    """Add the settings to Blender's types.
+
+    Raises RuntimeError when another copy of the extension is enabled: two would share names and settings.
+    """
+    if hasattr(bpy.types.Object, "lake_water") or hasattr(bpy.types.Scene, "lake_water"):
+        raise RuntimeError("Another copy of Lake Water is already enabled: disable it first")
+    done = []
+    try:
+        for cls in CLASSES:
+            bpy.utils.register_class(cls)
+            done.append(cls)
+    except Exception:
+        for cls in reversed(done):
+            bpy.utils.unregister_class(cls)
+        raise
+    bpy.types.Object.lake_water = PointerProperty(
+        type=LakeWaterObjectSettings, name="Lake Water", **OVERRIDABLE
+    )
+    bpy.types.Scene.lake_water = PointerProperty(type=LakeWaterSceneSettings, name="Lake Water")
+
+
+def unregister() -> None:
+    """Take the settings away again; files keep the values."""
+    del bpy.types.Scene.lake_water
+    del bpy.types.Object.lake_water
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Water objects: made, changed and read, with no user interface.
+
+A water object is a mesh object whose `lake_water.enabled` is set. Its surface is the
+horizontal plane through the object's origin; heading, location and scale are used.
+Blender itself shows it as wires only, because Lake Water draws its faces.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterable
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from .core.snapshot import WaterSettings
+from .core.waves import SineWave
+
+MAX_TILT = math.radians(1.0)
+MAX_UNEVENNESS = 0.1  # height of a water mesh over its horizontal size
+
+
+class WaterError(ValueError):
+    """Why an object cannot be water, in words for a person: the thing and the remedy."""
+
+
+def default_waves(
+    wind_direction: float = math.radians(20.0),
+    *,
+    count: int = 6,
+    height: float = 0.1,
+    longest: float = 4.0,
+    shortest: float = 0.5,
+    spread: float = math.radians(110.0),
+    seed: int = 1,
+) -> tuple[SineWave, ...]:
+    """The ripples of a lake in a light breeze.
+
+    Wavelengths fall geometrically from `longest` to `shortest` (m), each moved a little
+    so that no two are multiples; amplitudes are proportional to them, so that all are
+    equally steep, and sum to `height` (m). Directions are spread evenly, in mixed order,
+    over `spread` about `wind_direction` (radians in the water frame); phases are
+    pseudo-random by `seed`.
+    """
+    rng = random.Random(seed)
+    ratio = (shortest / longest) ** (1.0 / max(count - 1, 1))
+    wavelengths = [longest * ratio**i * rng.uniform(0.94, 1.06) for i in range(count)]
+    offsets = [(i + 0.5) / count - 0.5 for i in range(count)]
+    rng.shuffle(offsets)
+    scale = height / sum(wavelengths)
+    return tuple(
+        SineWave(
+            amplitude=scale * wavelength,
+            wavelength=wavelength,
+            direction=wind_direction + spread * offset,
+            phase=rng.uniform(0.0, 2.0 * math.pi),
+        )
+        for wavelength, offset in zip(wavelengths, offsets, strict=True)
+    )
+
+
+def set_waves(obj: bpy.types.Object, waves: Iterable[SineWave]) -> None:
+    """Replace the object's waves."""
+    collection = obj.lake_water.waves
+    collection.clear()
+    for wave in waves:
+        item = collection.add()
+        item.amplitude = wave.amplitude
+        item.wavelength = wave.wavelength
+        item.direction = wave.direction
+        item.phase = wave.phase
+    obj.lake_water.active_wave = 0
+    obj.update_tag()  # an emptied list tags nothing by itself
+
+
+def settings_of(obj: bpy.types.Object) -> WaterSettings:
+    """The settings of a water object as plain data; give the evaluated object for animated values."""
+    s = obj.lake_water
+    return WaterSettings(
+        k=s.k,
+        q=s.q,
+        c=s.c,
+        ior=s.ior,
+        water_color=tuple(s.water_color),
+        waves=tuple(SineWave(w.amplitude, w.wavelength, w.direction, w.phase) for w in s.waves),
+        depth=s.depth,
+    )
+
+
+def is_water(obj: bpy.types.Object | None) -> bool:
+    """Whether the object is a water surface."""
+    return obj is not None and obj.type == "MESH" and obj.lake_water.enabled
+
+
+def waters_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
+    """The water objects of a scene, in the scene's order. Looks at every object: not for draw code."""
+    return [obj for obj in scene.objects if is_water(obj)]
+
+
+def create_water(
+    name: str,
+    size_x: float,
+    size_y: float,
+    collection: bpy.types.Collection,
+    location: tuple[float, float, float] | Vector = (0.0, 0.0, 0.0),
+) -> bpy.types.Object:
+    """A new rectangular water surface of size_x by size_y metres, centred at `location`, in `collection`.
+
+    Raises WaterError for a size that is not positive.
+    """
+    if not (size_x > 0.0 and size_y > 0.0):
+        raise WaterError(f"The size of the water is {size_x:g} m by {size_y:g} m: it must be greater than 0")
+    hx, hy = 0.5 * size_x, 0.5 * size_y
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata([(-hx, -hy, 0.0), (hx, -hy, 0.0), (hx, hy, 0.0), (-hx, hy, 0.0)], [], [(0, 1, 2, 3)])
+    obj = bpy.data.objects.new(name, mesh)
+    obj.location = location
+    collection.objects.link(obj)
+    make_water(obj)
+    return obj
+
+
+def make_water(obj: bpy.types.Object) -> None:
+    """Turn a mesh object into water with default waves; settings it has from an earlier time are kept.
+
+    The surface is a GRID where the mesh is one flat rectangle, else the MESH itself.
+    Reads `obj.matrix_world`: update the view layer first if you have just moved the object.
+    Raises WaterError, and changes nothing, for an object that cannot be water.
+    """
+    surface = _surface_for(obj)
+    settings = obj.lake_water
+    settings.surface = surface
+    if not settings.waves:
+        set_waves(obj, default_waves())
+    settings.previous_display_type = obj.display_type
+    obj.display_type = "WIRE"
+    settings.enabled = True
+
+
+def remove_water(obj: bpy.types.Object) -> None:
+    """Make a water object an ordinary mesh again, shown as before; its settings stay for the next time.
+
+    Raises WaterError if it is no water.
+    """
+    if not is_water(obj):
+        raise WaterError(f'"{obj.name}" is not water')
+    settings = obj.lake_water
+    settings.enabled = False
+    obj.display_type = settings.previous_display_type or "TEXTURED"
+    settings.previous_display_type = ""
+
+
+def reset_settings(group: bpy.types.PropertyGroup, keep: Iterable[str] = ()) -> None:
+    """Put every setting of a property group back to its default, except those named in `keep`."""
+    for prop in group.bl_rna.properties:
+        if not prop.is_readonly and prop.identifier not in {"rna_type", "name", *keep}:
+            group.property_unset(prop.identifier)
+
+
+def reset_water(obj: bpy.types.Object) -> None:
+    """Default settings and waves for a water object. It stays water, on the same kind of surface."""
+    reset_settings(obj.lake_water, keep=("enabled", "surface", "previous_display_type", "waves"))
+    set_waves(obj, default_waves())
+
+
+def _surface_for(obj: bpy.types.Object) -> str:
+    """'GRID' or 'MESH'. Raises WaterError for an object that cannot be water."""
+    if obj.type != "MESH":
+        kind = obj.bl_rna.properties["type"].enum_items[obj.type].name.lower()
+        raise WaterError(f'"{obj.name}" is not a mesh but of type {kind}: choose a mesh, such as a plane')
+    if obj.lake_water.enabled:
+        raise WaterError(f'"{obj.name}" is water already')
+    _check_orientation(obj.name, obj.matrix_world)
+    if not obj.modifiers:
+        return _check_mesh(obj.name, obj.data, obj.matrix_world)
+    evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    mesh = evaluated.to_mesh()
+    try:
+        _check_mesh(obj.name, mesh, obj.matrix_world)
+    finally:
+        evaluated.to_mesh_clear()
+    return "MESH"
+
+
+def _check_orientation(name: str, matrix: Matrix) -> None:
+    x, y, z = (matrix.col[i].to_3d() for i in range(3))
+    if min(x.length, y.length, z.length) < 1e-9:
+        raise WaterError(f'"{name}" has a scale of zero: clear its scale (Alt+S)')
+    normal = x.cross(y)
+    if normal.length < 1e-9 * x.length * y.length:
+        raise WaterError(f'"{name}" is sheared flat by its parent: clear the parent (Alt+P)')
+    tilt = normal.angle(Vector((0.0, 0.0, 1.0)))
+    if tilt > MAX_TILT:
+        raise WaterError(
+            f'"{name}" is tilted by {math.degrees(tilt):.0f}° and water lies flat: clear its rotation '
+            "(Alt+R) and negative scale (Alt+S); turning it about Z is fine"
+        )
+
+
+def _check_mesh(name: str, mesh: bpy.types.Mesh, matrix: Matrix) -> str:
+    """'GRID' if the mesh is one rectangle along its own X and Y, else 'MESH'. Raises WaterError."""
+    if not mesh.polygons:
+        raise WaterError(f'"{name}" has no faces: water needs a surface, such as a plane')
+    points = np.empty((len(mesh.vertices), 3), dtype=np.float32)
+    mesh.vertices.foreach_get("co", points.ravel())
+    linear = np.array(matrix.to_3x3())
+    world = points @ linear.T  # relative to the origin, which is where the water plane lies
+    size = np.ptp(world, axis=0)
+    across = float(max(size[0], size[1]))
+    if across < 1e-6:
+        raise WaterError(f'"{name}" has no extent: all its vertices are at one place')
+    if size[2] > MAX_UNEVENNESS * across:
+        raise WaterError(
+            f'"{name}" is {size[2]:.3g} m high and water lies flat: choose a flat mesh, '
+            "or use Add Water for a surface of its own"
+        )
+    offset = 0.5 * float(world[:, 2].max() + world[:, 2].min())
+    if abs(offset) > 0.5 * size[2] + 1e-3 * across:
+        raise WaterError(
+            f'The faces of "{name}" lie {offset:.3g} m above its origin, and the water plane goes through '
+            "the origin: use Object > Set Origin > Origin to Geometry"
+        )
+    x, y = linear[:, 0], linear[:, 1]
+    sheared = abs(x @ y) > 1e-4 * np.linalg.norm(x) * np.linalg.norm(y)
+    return "GRID" if not sheared and _is_rectangle(points, mesh) else "MESH"
+
+
+def _is_rectangle(points: np.ndarray, mesh: bpy.types.Mesh) -> bool:
+    """Whether a mesh with points (V, 3) is a single quad whose corners are those of its local XY bounds."""
+    if len(points) != 4 or len(mesh.polygons) != 1 or mesh.polygons[0].loop_total != 4:
+        return False
+    low, high = points.min(axis=0), points.max(axis=0)
+    tolerance = 1e-5 * float(np.max(high - low))
+    at_high = np.abs(points[:, :2] - high[:2]) <= tolerance
+    at_low = np.abs(points[:, :2] - low[:2]) <= tolerance
+    corners = {(bool(a), bool(b)) for a, b in at_high}
+    return bool(np.all(at_high | at_low)) and len(corners) == 4 and float(high[2] - low[2]) <= tolerance
