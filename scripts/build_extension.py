@@ -15,12 +15,13 @@ from __future__ import annotations
 import argparse
 import ast
 import importlib.util
-import os
 import shutil
+import stat
 import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,8 +33,8 @@ LICENSE = "LICENSE"
 EXCLUDED_DIRECTORIES = frozenset({"__pycache__", "tests"})
 EXCLUDED_SUFFIXES = frozenset({".pyc", ".pyo", ".blend1", ".orig", ".rej", ".swp"})
 
-# Zip stores no time before 1980. One fixed time makes the archive depend on the files' contents alone.
-ARCHIVE_TIME = 315_619_200  # 1980-01-02 00:00:00 UTC: still 1980 in every time zone
+# The earliest time that a zip can hold: with it, the archive depends on the files' names and contents alone.
+ARCHIVE_TIME = (1980, 1, 1, 0, 0, 0)
 
 
 class BuildError(Exception):
@@ -120,21 +121,29 @@ def stage(source: Path, target: Path) -> int:
             shutil.copyfile(origin, copy)
         except OSError as error:
             raise BuildError(f"cannot copy {origin}: {error.strerror}") from error
-        copy.chmod(0o644)
-        os.utime(copy, (ARCHIVE_TIME, ARCHIVE_TIME))
     return len(pairs)
 
 
 def run_tool(tool: Path, *arguments: str | Path) -> None:
     """Run Blender's extension tool; its words become the error when it refuses."""
     command = [sys.executable, str(tool), *map(str, arguments)]
-    # Zip stores local time.
-    result = subprocess.run(
-        command, capture_output=True, text=True, check=False, env={**os.environ, "TZ": "UTC"}
-    )
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         words = (result.stdout + result.stderr).strip() or f"exit status {result.returncode}, no message"
         raise BuildError(f"Blender's extension tool refused ({arguments[0]}):\n{words}")
+
+
+def make_reproducible(archive: Path, target: Path) -> None:
+    """Write ``archive`` to ``target`` with what differs between machines taken out.
+
+    The tool stores the files in the order that the file system lists them, with their times and modes.
+    """
+    with zipfile.ZipFile(archive) as old, zipfile.ZipFile(target, "w") as new:
+        for entry in sorted(old.infolist(), key=lambda entry: entry.filename):
+            info = zipfile.ZipInfo(entry.filename, ARCHIVE_TIME)
+            info.compress_type = entry.compress_type
+            info.external_attr = (stat.S_IFREG | 0o644) << 16
+            new.writestr(info, old.read(entry))
 
 
 def build(source: Path, output_dir: Path) -> Path:
@@ -148,8 +157,9 @@ def build(source: Path, output_dir: Path) -> Path:
             package = Path(staging, "package")
             stage(source, package)
             run_tool(tool, "validate", package)
-            fresh = Path(staging, archive.name)
-            run_tool(tool, "build", "--source-dir", package, "--output-filepath", fresh)
+            built, fresh = Path(staging, "built.zip"), Path(staging, archive.name)
+            run_tool(tool, "build", "--source-dir", package, "--output-filepath", built)
+            make_reproducible(built, fresh)
             run_tool(tool, "validate", fresh)
             fresh.replace(archive)
     except OSError as error:
