@@ -147,7 +147,7 @@ environment() {
     say "making $VENV with $BASE_PYTHON"
     "$UV" venv -q --clear --no-project --python "$BASE_PYTHON" "$VENV"
   fi
-  say "installing the packages of requirements.txt (bpy is 350 MB: minutes on a slow line)"
+  say "installing the packages of requirements.txt (bpy alone is 384 MB)"
   "$UV" pip sync --require-hashes --python "$PYTHON" requirements.txt ||
     die "the packages could not be installed; uv's own message is above"
 }
