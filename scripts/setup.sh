@@ -132,8 +132,8 @@ install_python() {
   say "Python $PYTHON_SERIES was not found; installing it with uv"
   "$UV" python install "$PYTHON_SERIES" ||
     die "uv could not download Python $PYTHON_SERIES; its own message is above" \
-      "install Python $PYTHON_SERIES by other means (Debian 13 has the package python$PYTHON_SERIES; pyenv install" \
-      "$PYTHON_SERIES), then run make setup again"
+      "install it by other means (a package python$PYTHON_SERIES as in Debian 13, or pyenv install $PYTHON_SERIES)," \
+      "then run make setup again"
   find_python || die "uv installed Python $PYTHON_SERIES and cannot find it"
 }
 
