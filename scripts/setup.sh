@@ -38,7 +38,7 @@ libICE.so.6 libice6
 libxkbcommon.so.0 libxkbcommon0
 '
 
-missing_packages() {
+missing_libraries() {
   local known soname package
   known=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p)
   while read -r soname package; do
@@ -68,14 +68,6 @@ install_packages() {
     die "apt-get could not install: $*" "its own message is above"
 }
 
-system_libraries() {
-  [ "$(uname -s)" = Linux ] || return 0
-  local packages
-  packages=$(missing_packages)
-  # shellcheck disable=SC2086
-  [ -z "$packages" ] || install_packages $packages
-}
-
 # --- uv and Python ----------------------------------------------------------------------------------------
 
 # A command may be on PATH and not work: pyenv's shims fail where the version that has the tool is not active.
@@ -90,25 +82,31 @@ find_uv() {
   return 1
 }
 
-install_uv() {
-  local python=
-  for python in python3 /usr/bin/python3; do
-    "$python" -c 'import sys; sys.exit(sys.version_info < (3, 8))' >/dev/null 2>&1 && break
-    python=
+# The system's Python that uv is installed with: any that runs and has pip, or can make an environment with pip.
+find_installer() {
+  local candidate
+  for candidate in python3 "/usr/bin/python3" "python$PYTHON_SERIES"; do
+    if "$candidate" -m pip --version >/dev/null 2>&1; then
+      INSTALLER=("$candidate" -m pip install --target "$TOOLS")
+      return 0
+    elif "$candidate" -c 'import ensurepip, venv' >/dev/null 2>&1; then
+      INSTALLER=("$candidate" -m venv "$TOOLS")
+      return 0
+    fi
   done
-  [ -n "$python" ] || { install_packages python3 python3-venv && python=/usr/bin/python3; }
+  return 1
+}
+
+install_uv() {
+  find_installer || die "no Python here has pip or venv; install the package python3-venv"
   say "installing uv into $TOOLS"
   rm -rf "$TOOLS"
-  if "$python" -m pip --version >/dev/null 2>&1; then
-    "$python" -m pip install -q --disable-pip-version-check --target "$TOOLS" \
-      --require-hashes -r requirements-uv.txt || die "pip could not install uv; its own message is above"
-  else
-    "$python" -c 'import ensurepip, venv' 2>/dev/null || install_packages python3-venv
-    "$python" -c 'import ensurepip, venv' 2>/dev/null || python=/usr/bin/python3
-    "$python" -m venv "$TOOLS" || die "$python cannot make a virtual environment; its own message is above"
-    "$TOOLS/bin/python" -m pip install -q --disable-pip-version-check \
-      --require-hashes -r requirements-uv.txt || die "pip could not install uv; its own message is above"
+  if [ "${INSTALLER[2]}" = venv ]; then
+    "${INSTALLER[@]}" || die "the environment in $TOOLS could not be made; the message is above"
+    INSTALLER=("$TOOLS/bin/python" -m pip install)
   fi
+  "${INSTALLER[@]}" -q --disable-pip-version-check --require-hashes -r requirements-uv.txt ||
+    die "pip could not install uv; its own message is above"
   find_uv || die "uv was installed into $TOOLS and does not run"
 }
 
@@ -160,10 +158,17 @@ check() {
   say "Blender $(tail -n 1 <<<"$log")"
 }
 
-system_libraries
-if [ -x "$PYTHON" ] && [ "$(cat "$STAMP" 2>/dev/null)" = "$(fingerprint)" ] && real_python "$PYTHON" >/dev/null; then
+# Everything that needs root is asked for at once.
+packages=
+[ "$(uname -s)" != Linux ] || packages=$(missing_libraries)
+if [ -z "$packages" ] && [ -x "$PYTHON" ] && [ "$(cat "$STAMP" 2>/dev/null)" = "$(fingerprint)" ] &&
+  real_python "$PYTHON" >/dev/null; then
   exit 0
 fi
+find_uv || find_installer || packages+=" python3-venv"
+# shellcheck disable=SC2086 # the packages are separate words
+[ -z "$packages" ] || install_packages $packages
+
 rm -f "$STAMP"
 find_uv || install_uv
 environment
