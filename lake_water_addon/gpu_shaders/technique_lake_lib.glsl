@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The Lake technique (Mihalik's thesis, 2008; MODEL section 1), camera in the air.
+
+float bottom_depth(vec2 uv)
+{
+  ivec2 size = textureSize(refraction_depth, 0);
+  return texelFetch(refraction_depth, clamp(ivec2(uv * vec2(size)), ivec2(0), size - 1), 0).r;
+}
+
+#include "intersection_lib.glsl"
+
+// 1 inside the texture, falling to 0 over a narrow band at its border.
+float inside_texture(vec2 uv)
+{
+  vec2 edge = min(uv, 1.0 - uv);
+  return smoothstep(0.0, water.fresnel.z, min(edge.x, edge.y));
+}
+
+vec3 refracted_radiance(vec3 surface, vec3 direction)
+{
+  vec3 u = transform_point(water.refraction_view, surface);
+  vec3 r = transform_direction(water.refraction_view, direction);
+  Intersection found = intersect(u, r, water.refraction_projection, int(water.fresnel.y));
+  vec2 uv = to_texture(water.refraction_projection, found.hit);
+  vec4 texel = texture(refraction_color, uv);
+  // Premultiplied: the division takes texels with no colour out of the filter's mean.
+  vec3 color = texel.rgb / max(texel.a, 1e-4);
+  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+  float a = attenuation(water.optics.x, distance(found.bottom, u));
+  return through_water(color, water.color.rgb, known * a);
+}
+
+vec3 reflected_radiance(vec3 surface, vec3 direction)
+{
+  // Mirroring U + c R is one with the view of the reflection camera. A lookup that lands in the
+  // inside of something that crosses the water line is drawn back along the ray towards U.
+  float reach = water.optics.z;
+  vec4 texel = vec4(0.0);
+  vec2 uv = vec2(0.0);
+  for (int i = 0; i < 4; i++) {
+    vec3 w = transform_point(water.reflection_view, surface + reach * direction);
+    uv = to_texture(water.reflection_projection, w);
+    texel = texture(reflection_color, uv);
+    if (texel.a > 0.5) {
+      break;
+    }
+    reach = i < 2 ? 0.5 * reach : 0.0;
+  }
+  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+  return mix(sky_radiance(direction), texel.rgb / max(texel.a, 1e-4), known);
+}
+
+vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
+{
+  vec3 refracted = refracted_radiance(surface, refract_direction(-to_eye, normal, water.optics.w));
+  vec3 reflected = reflected_radiance(surface, reflect_upwards(-to_eye, normal));
+  float fresnel = schlick(dot(to_eye, normal), water.fresnel.x, water.optics.y);
+  return mix_fresnel(refracted, reflected, fresnel);
+}

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The uniform buffers, filled by render/uniforms.py: std140, 16-byte members only, so that the
+// layout is the order of the members. All positions are in render space (core/plan.py).
+
+#define MAX_WAVES 32
+
+struct Lights {
+  vec4 sun_direction;    // xyz: unit, towards the sun
+  vec4 sun_irradiance;   // rgb
+  vec4 sky;              // rgb: radiance, w: 1 when there is an image
+  vec4 sky_image;        // x: strength, y: rotation
+  vec4 irradiance_sh[9]; // rgb
+};
+
+struct View {
+  mat4 view;
+  mat4 projection;
+  mat4 clip_to_world; // of the direction of sight: device coordinates to render space
+  vec4 eye;           // xyz: position; orthographic: unit direction towards the viewer; w: 1 when orthographic
+  vec4 clip;          // x: +1 keeps what is below, -1 what is above, 0 all; y: height of the plane
+};
+
+struct Water {
+  vec4 plane;   // xyz: origin of the water frame; w: number of waves
+  vec4 optics;  // k, q, c, n12
+  vec4 fresnel; // f, intersection steps, fade at the texture's border, size of the textures
+  vec4 color;
+  vec4 grid;      // half extents x, y; centre x, y; in the water frame
+  vec4 grid_axis; // cos, sin of the heading
+  mat4 refraction_view;
+  mat4 refraction_projection;
+  mat4 reflection_view;
+  mat4 reflection_projection;
+  vec4 waves[MAX_WAVES]; // kx, ky, amplitude, phase
+};

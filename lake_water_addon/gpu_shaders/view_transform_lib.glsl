@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Scene-linear to display-referred colour, from a table that Blender itself filled. Twin: core/view_transform.py.
+
+// Where a scene-linear value lies in the table: logarithmic, so that highlights keep their place.
+vec3 to_lattice(vec3 linear_color)
+{
+  vec3 stops = log2(max(linear_color, vec3(0.0)) / view_transform_range.x + 1.0);
+  return stops / log2(view_transform_range.y / view_transform_range.x + 1.0);
+}
+
+vec3 view_transform(vec3 linear_color)
+{
+  float size = float(textureSize(view_transform_table, 0).x);
+  vec3 at = clamp(to_lattice(linear_color), 0.0, 1.0);
+  return texture(view_transform_table, (at * (size - 1.0) + 0.5) / size).rgb;
+}

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draws the scene's own geometry and the sky: shared by the passes that need it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import gpu
+from gpu.types import GPUUniformBuf
+
+from ..resources import Resources
+from ..scene_buffers import SceneBuffers
+from ..shader_library import ShaderLibrary, ShaderSpec
+
+SCENE = dict(
+    name="scene",
+    vertex="scene_vert.glsl",
+    fragment="scene_frag.glsl",
+    vertex_in=(("VEC3", "position"), ("VEC3", "normal"), ("VEC2", "uv"), ("VEC4", "color")),
+    varyings=(
+        ("VEC3", "v_position"),
+        ("VEC3", "v_normal"),
+        ("VEC2", "v_uv"),
+        ("VEC4", "v_color"),
+        ("FLOAT", "v_depth"),
+    ),
+)
+
+BACKGROUND = ShaderSpec(
+    name="background",
+    vertex="background_vert.glsl",
+    fragment="background_frag.glsl",
+    vertex_in=(("VEC2", "position"),),
+    varyings=(("VEC2", "v_ndc"),),
+    uniform_buffers=(("Lights", "lights"), ("View", "pass_view")),
+    samplers=(("FLOAT_2D", "sky_image"),),
+)
+
+
+def scene_spec(*, textured: bool, clipped: bool, linear_depth: bool) -> tuple[ShaderSpec, dict[str, str]]:
+    """The variant's interface and defines."""
+    defines = {}
+    # A driver drops what a variant does not use, and setting it then is an error: declare just that.
+    push_constants = [("INT", "instance_base"), ("VEC4", "base_color")]  # a: the least alpha that is kept
+    buffers = [("Lights", "lights"), ("View", "pass_view")]
+    samplers = [("FLOAT_2D", "instances"), ("FLOAT_2D", "sky_image")]
+    outputs = [("VEC4", "out_color")]
+    if textured:
+        defines["TEXTURED"] = ""
+        samplers.append(("FLOAT_2D", "base_image"))
+    else:
+        push_constants.append(("INT", "use_vertex_color"))
+    if clipped:
+        defines["CLIPPED"] = ""
+        buffers.append(("Water", "water"))
+        push_constants.append(("INT", "solid"))
+    if linear_depth:
+        defines["LINEAR_DEPTH"] = ""
+        outputs.append(("FLOAT", "out_depth"))
+    spec = ShaderSpec(
+        **SCENE,
+        outputs=tuple(outputs),
+        uniform_buffers=tuple(buffers),
+        samplers=tuple(samplers),
+        push_constants=tuple(push_constants),
+    )
+    return spec, defines
+
+
+@contextmanager
+def opaque_state(clip_distances: int = 0) -> Iterator[None]:
+    """Depth test and depth write on, blending off; afterwards everything as Blender expects it."""
+    depth_test, depth_mask, blend = (
+        gpu.state.depth_test_get(),
+        gpu.state.depth_mask_get(),
+        gpu.state.blend_get(),
+    )
+    gpu.state.depth_test_set("LESS_EQUAL")
+    gpu.state.depth_mask_set(True)
+    gpu.state.blend_set("NONE")
+    gpu.state.clip_distances_set(clip_distances)
+    try:
+        yield
+    finally:
+        gpu.state.clip_distances_set(0)
+        gpu.state.face_culling_set("NONE")
+        gpu.state.front_facing_set(False)
+        gpu.state.blend_set(blend)
+        gpu.state.depth_mask_set(depth_mask)
+        gpu.state.depth_test_set(depth_test)
+
+
+class GeometryPainter:
+    """Draws scene and sky with given uniform buffers into whatever framebuffer is bound."""
+
+    def __init__(self, resources: Resources, library: ShaderLibrary, scene: SceneBuffers) -> None:
+        self._library = library
+        self._scene = scene
+        self._resources = resources
+
+    def draw_scene(
+        self,
+        lights: GPUUniformBuf,
+        view: GPUUniformBuf,
+        *,
+        mirrored: bool = False,
+        water: GPUUniformBuf | None = None,
+        cull_solids: bool = False,
+        linear_depth: bool = False,
+    ) -> None:
+        """Draw every draw call. water: clip at this body's surface (View.clip tells which side stays)."""
+        clipped = water is not None
+        with opaque_state(1 if clipped else 0):
+            textured = None
+            image = None
+            shader = None
+            for call in self._scene.calls:
+                if textured != (call.image is not None):
+                    textured = call.image is not None
+                    spec, defines = scene_spec(textured=textured, clipped=clipped, linear_depth=linear_depth)
+                    shader = self._library.get(spec, defines)
+                    shader.bind()
+                    shader.uniform_block("lights", lights)
+                    shader.uniform_block("pass_view", view)
+                    if clipped:
+                        shader.uniform_block("water", water)
+                    shader.uniform_sampler("instances", self._scene.instances)
+                    shader.uniform_sampler("sky_image", self._scene.sky_image)
+                if textured and call.image is not image:
+                    image = call.image
+                    shader.uniform_sampler("base_image", image)
+                material = call.material
+                gpu.state.face_culling_set("BACK" if call.solid and cull_solids else "NONE")
+                gpu.state.front_facing_set(mirrored != call.flipped)
+                shader.uniform_float("base_color", (*material.base_color, material.alpha_threshold or 0.0))
+                shader.uniform_int("instance_base", call.first_instance)
+                if clipped:
+                    shader.uniform_int("solid", int(call.solid))
+                if not textured:
+                    shader.uniform_int("use_vertex_color", int(material.use_color_attribute))
+                call.batch.draw_instanced(shader, instance_count=call.instances)
+
+    def draw_sky(self, lights: GPUUniformBuf, view: GPUUniformBuf) -> None:
+        """Draw the sky wherever nothing is nearer."""
+        with opaque_state():
+            shader = self._library.get(BACKGROUND)
+            shader.bind()
+            shader.uniform_block("lights", lights)
+            shader.uniform_block("pass_view", view)
+            shader.uniform_sampler("sky_image", self._scene.sky_image)
+            self._resources.covering_triangle().draw(shader)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The two pictures that the water looks up: refraction (colour and linear depth) and reflection."""
+
+from __future__ import annotations
+
+from gpu.types import GPUUniformBuf
+
+from ..targets import Target, Targets
+from .geometry import GeometryPainter
+
+NO_BOTTOM = 1e5
+"""m: the depth where nothing was drawn: water without a bottom."""
+
+
+def refraction_target(targets: Targets, body: int, size: int) -> Target:
+    """colors: premultiplied radiance, filtered; distance along the viewing axis in m, not filtered."""
+    return targets.get(("refraction", body), (size, size), ("RGBA16F", "R32F"), filtered=(True, False))
+
+
+def reflection_target(targets: Targets, body: int, size: int) -> Target:
+    """colors: premultiplied radiance, filtered."""
+    return targets.get(("reflection", body), (size, size), ("RGBA16F",), filtered=(True,))
+
+
+def draw_refraction(
+    painter: GeometryPainter, target: Target, lights: GPUUniformBuf, view: GPUUniformBuf, water: GPUUniformBuf
+) -> None:
+    """What lies below the surface. Back faces of solids are culled before the clip, or their insides would show."""
+    with target.framebuffer.bind():
+        target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+        target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
+        painter.draw_scene(lights, view, water=water, cull_solids=True, linear_depth=True)
+
+
+def draw_reflection(
+    painter: GeometryPainter, target: Target, lights: GPUUniformBuf, view: GPUUniformBuf, water: GPUUniformBuf
+) -> None:
+    """What lies above the surface, and the sky, from the mirrored camera.
+
+    Solids are not culled here: where the water line cuts one open, its inside is marked with
+    alpha 0, so that the water does not look through it at the sky behind.
+    """
+    with target.framebuffer.bind():
+        target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+        painter.draw_scene(lights, view, mirrored=True, water=water)
+        painter.draw_sky(lights, view)

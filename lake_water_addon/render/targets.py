@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Textures and framebuffers: made, resized and freed here and nowhere else."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass
+
+import gpu
+from gpu.types import GPUFrameBuffer, GPUTexture
+
+from .resources import Resources
+
+
+class TargetError(RuntimeError):
+    """A picture that this graphics device cannot hold."""
+
+
+@dataclass(eq=False)
+class Target:
+    """A framebuffer with its textures. size: (width, height) in pixels."""
+
+    size: tuple[int, int]
+    framebuffer: GPUFrameBuffer
+    colors: tuple[GPUTexture, ...]
+    depth: GPUTexture | None
+
+
+class Targets:
+    """Targets by name; one is made again only when its size or its formats change."""
+
+    def __init__(self, resources: Resources) -> None:
+        self._resources = resources
+        self._targets: dict[Hashable, tuple[tuple, Target]] = {}
+
+    def get(
+        self,
+        key: Hashable,
+        size: tuple[int, int],
+        formats: tuple[str, ...],
+        *,
+        depth: bool = True,
+        filtered: tuple[bool, ...] = (),
+    ) -> Target:
+        """filtered: which colour textures are read with interpolation (default none). Edges are repeated.
+
+        Raises TargetError when the size is not one that the device can hold.
+        """
+        description = (size, formats, depth, filtered)
+        if key in self._targets and self._targets[key][0] == description:
+            return self._targets[key][1]
+        largest = gpu.capabilities.max_texture_size_get()
+        if not (1 <= size[0] <= largest and 1 <= size[1] <= largest):
+            raise TargetError(
+                f"a picture of {size[0]} x {size[1]} pixels cannot be drawn: "
+                f"this graphics device takes 1 to {largest} pixels a side"
+            )
+        self._targets.pop(key, None)
+        colors = tuple(self._resources.texture(size, pixel_format) for pixel_format in formats)
+        for texture, smooth in zip(colors, filtered or (False,) * len(colors), strict=True):
+            texture.filter_mode(smooth)
+            texture.extend_mode("EXTEND")
+        depth_texture = self._resources.texture(size, "DEPTH_COMPONENT32F") if depth else None
+        target = Target(size, self._resources.framebuffer(colors, depth_texture), colors, depth_texture)
+        self._targets[key] = (description, target)
+        return target
+
+    def keep_only(self, keys: set[Hashable]) -> None:
+        """Free every target whose key is not in `keys`."""
+        for key in [k for k in self._targets if k not in keys]:
+            del self._targets[key]
+
+    def clear(self) -> None:
+        self._targets.clear()

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fills the uniform buffers of `gpu_shaders/uniforms_lib.glsl` (std140, 16-byte members in order)."""
+
+from __future__ import annotations
+
+import numpy as np
+from gpu.types import Buffer, GPUUniformBuf
+
+from ..core import cameras, optics
+from ..core.plan import MAX_WAVES, BodyPlan, FramePlan, TexturePass
+from ..core.snapshot import SceneSnapshot
+from .resources import Resources
+
+BORDER_FADE = 0.03
+"""Width, as a part of the texture, over which a lookup near its border gives way to its substitute."""
+
+
+class UniformBlock:
+    """A uniform buffer that is uploaded only when its content changed."""
+
+    def __init__(self, resources: Resources) -> None:
+        self._resources = resources
+        self._data: np.ndarray | None = None
+        self.buffer: GPUUniformBuf | None = None
+
+    def update(self, *members: np.ndarray | tuple[float, ...]) -> GPUUniformBuf:
+        """members: in the struct's order; (4,) or (n, 4) vectors, (4, 4) matrices (stored by columns)."""
+        data = np.concatenate([np.asarray(m, dtype=np.float32).ravel() for m in members])
+        if self.buffer is None:
+            self.buffer = self._resources.uniform_buffer(data)
+        elif not np.array_equal(data, self._data):
+            self.buffer.update(Buffer("FLOAT", data.size, data))
+        self._data = data
+        return self.buffer
+
+
+def _vec4(xyz: np.ndarray, w: float = 0.0) -> np.ndarray:
+    return np.append(np.asarray(xyz, dtype=np.float64), w)
+
+
+def lights(snapshot: SceneSnapshot) -> list[np.ndarray]:
+    """Members of struct Lights."""
+    sun, sky = snapshot.sun, snapshot.sky
+    sh = np.zeros((9, 4))
+    sh[:, :3] = sky.irradiance_sh
+    return [
+        _vec4(sun.direction if sun else np.zeros(3)),
+        _vec4(sun.irradiance if sun else np.zeros(3)),
+        _vec4(sky.radiance, 1.0 if sky.image else 0.0),
+        np.array([sky.strength, sky.rotation, 0.0, 0.0]),
+        sh,
+    ]
+
+
+def view(view_matrix: np.ndarray, projection: np.ndarray, keep: int = 0, clip_height: float = 0.0) -> list[np.ndarray]:
+    """Members of struct View."""
+    if cameras.is_orthographic(projection):
+        eye = _vec4(view_matrix[2, :3], 1.0)
+    else:
+        eye = _vec4(np.linalg.inv(view_matrix)[:3, 3], 0.0)
+    return [
+        view_matrix.T,
+        projection.T,
+        np.linalg.inv(projection @ view_matrix).T,
+        eye,
+        np.array([keep, clip_height, 0.0, 0.0]),
+    ]
+
+
+def texture_view(texture_pass: TexturePass) -> list[np.ndarray]:
+    """Members of struct View for a pass into a texture."""
+    return view(texture_pass.view, texture_pass.projection, texture_pass.keep, texture_pass.clip_height)
+
+
+def water(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
+    """Members of struct Water."""
+    settings = body.body.settings
+    n12 = 1.0 / settings.ior
+    packed = np.zeros((MAX_WAVES, 4))
+    packed[: len(body.packed_waves)] = body.packed_waves
+    _, half_x, half_y, center_x, center_y = body.body.grid or (0, 0.0, 0.0, 0.0, 0.0)
+    return [
+        _vec4(body.origin, len(body.packed_waves)),
+        np.array([settings.k, settings.q, settings.c, n12]),
+        np.array(
+            [optics.reflectance_at_normal(n12), plan.intersection_steps, BORDER_FADE, plan.texture_size]
+        ),
+        _vec4(np.array(settings.water_color), 1.0),
+        np.array([half_x, half_y, center_x, center_y]),
+        np.array([np.cos(body.body.heading), np.sin(body.body.heading), 0.0, 0.0]),
+        body.refraction.view.T,
+        body.refraction.projection.T,
+        body.reflection.view.T,
+        body.reflection.projection.T,
+        packed,
+    ]
