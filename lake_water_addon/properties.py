@@ -21,6 +21,7 @@ from bpy.props import (
 )
 
 from .core.techniques import DEFAULT_TECHNIQUE, TECHNIQUES
+from .registration import register_classes, unregister_classes
 
 
 def _changed(self: bpy.types.PropertyGroup, context: bpy.types.Context) -> None:
@@ -322,15 +323,7 @@ def register() -> None:
     """
     if hasattr(bpy.types.Object, "lake_water") or hasattr(bpy.types.Scene, "lake_water"):
         raise RuntimeError("Another copy of Lake Water is already enabled: disable it first")
-    done = []
-    try:
-        for cls in CLASSES:
-            bpy.utils.register_class(cls)
-            done.append(cls)
-    except Exception:
-        for cls in reversed(done):
-            bpy.utils.unregister_class(cls)
-        raise
+    register_classes(CLASSES)
     bpy.types.Object.lake_water = PointerProperty(
         type=LakeWaterObjectSettings, name="Lake Water", **OVERRIDABLE
     )
@@ -341,5 +334,4 @@ def unregister() -> None:
     """Take the settings away again; files keep the values."""
     del bpy.types.Scene.lake_water
     del bpy.types.Object.lake_water
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+    unregister_classes(CLASSES)

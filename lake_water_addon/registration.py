@@ -7,9 +7,17 @@ import importlib
 from collections.abc import Sequence
 from types import ModuleType
 
+import bpy
+
 # Later modules use what earlier ones registered. Each has register() and unregister(), and undoes its own
 # half-done register() before it raises.
-MODULES = ("properties",)
+MODULES = (
+    "properties",
+    "preferences",
+    "handlers",  # the two hosts of a frame, "engine" and "viewport", come next: they subscribe here
+    "operators",
+    "panels",
+)
 
 
 def register(names: Sequence[str] = MODULES) -> None:
@@ -48,3 +56,21 @@ def unregister(names: Sequence[str] = MODULES) -> None:
             first = first or error
     if first is not None:
         raise first
+
+
+def register_classes(classes: Sequence[type]) -> None:
+    """Register classes with Blender in order, all of them or none."""
+    done: list[type] = []
+    try:
+        for cls in classes:
+            bpy.utils.register_class(cls)
+            done.append(cls)
+    except Exception:
+        unregister_classes(done)
+        raise
+
+
+def unregister_classes(classes: Sequence[type]) -> None:
+    """Unregister classes in reverse order."""
+    for cls in reversed(classes):
+        bpy.utils.unregister_class(cls)

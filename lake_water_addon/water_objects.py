@@ -76,6 +76,31 @@ def set_waves(obj: bpy.types.Object, waves: Iterable[SineWave]) -> None:
     obj.update_tag()  # an emptied list tags nothing by itself
 
 
+def add_wave(obj: bpy.types.Object) -> None:
+    """Append a wave like the active one, 0.7 times as long and high, turned by 40 degrees; make it active."""
+    settings = obj.lake_water
+    count = len(settings.waves)
+    wave = settings.waves.add()
+    if count:
+        source = settings.waves[min(settings.active_wave, count - 1)]
+        wave.amplitude = 0.7 * source.amplitude
+        wave.wavelength = 0.7 * source.wavelength
+        wave.direction = source.direction + math.radians(40.0)
+        wave.phase = math.fmod(source.phase + 2.4, 2.0 * math.pi)  # any other place in the cycle
+    settings.active_wave = count
+    obj.update_tag()
+
+
+def remove_active_wave(obj: bpy.types.Object) -> None:
+    """Remove the active wave and make its successor active. Raises WaterError when there is none."""
+    settings = obj.lake_water
+    if not settings.waves:
+        raise WaterError(f'"{obj.name}" has no waves')
+    settings.waves.remove(min(settings.active_wave, len(settings.waves) - 1))
+    settings.active_wave = max(0, min(settings.active_wave, len(settings.waves) - 1))
+    obj.update_tag()
+
+
 def settings_of(obj: bpy.types.Object) -> WaterSettings:
     """The settings of a water object as plain data; give the evaluated object for animated values."""
     s = obj.lake_water
@@ -98,6 +123,45 @@ def is_water(obj: bpy.types.Object | None) -> bool:
 def waters_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     """The water objects of a scene, in the scene's order. Looks at every object: not for draw code."""
     return [obj for obj in scene.objects if is_water(obj)]
+
+
+class WaterFinder:
+    """Remembers each scene's water objects, so that handlers and panels need not look at every object.
+
+    They are remembered by name and checked at every question. New ones are noticed among
+    the objects that the depsgraph reports as changed, or after `forget`.
+    """
+
+    def __init__(self) -> None:
+        self._names: dict[int, list[str]] = {}  # by the scene's session_uid
+
+    def forget(self) -> None:
+        """Look at every object again: after loading a file and after undo."""
+        self._names.clear()
+
+    def waters(self, scene: bpy.types.Scene) -> list[bpy.types.Object]:
+        """The water objects of the scene, in the scene's order."""
+        uid = scene.session_uid
+        names = self._names.get(uid)
+        if names is not None:
+            found = [scene.objects.get(name) for name in names]
+            if all(is_water(obj) for obj in found):
+                return found
+        found = waters_of(scene)
+        self._names[uid] = [obj.name for obj in found]
+        return found
+
+    def changed(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
+        """Whether the scene has water after the depsgraph's latest updates, or has just lost its last."""
+        uid = scene.session_uid
+        names = self._names.get(uid)
+        if names is not None and depsgraph.id_type_updated("OBJECT"):
+            for update in depsgraph.updates:
+                obj = update.id
+                if isinstance(obj, bpy.types.Object) and is_water(obj) and obj.name not in names:
+                    del self._names[uid]
+                    break
+        return bool(self.waters(scene)) or bool(names)
 
 
 def create_water(
@@ -155,9 +219,11 @@ def remove_water(obj: bpy.types.Object) -> None:
 
 def reset_settings(group: bpy.types.PropertyGroup, keep: Iterable[str] = ()) -> None:
     """Put every setting of a property group back to its default, except those named in `keep`."""
+    kept = {"rna_type", "name", *keep}
     for prop in group.bl_rna.properties:
-        if not prop.is_readonly and prop.identifier not in {"rna_type", "name", *keep}:
+        if not prop.is_readonly and prop.identifier not in kept:
             group.property_unset(prop.identifier)
+    group.id_data.update_tag()  # property_unset tags nothing by itself
 
 
 def reset_water(obj: bpy.types.Object) -> None:
@@ -171,6 +237,11 @@ def _surface_for(obj: bpy.types.Object) -> str:
     if obj.type != "MESH":
         kind = obj.bl_rna.properties["type"].enum_items[obj.type].name.lower()
         raise WaterError(f'"{obj.name}" is not a mesh but of type {kind}: choose a mesh, such as a plane')
+    if obj.library is not None:
+        raise WaterError(
+            f'"{obj.name}" is linked from {obj.library.filepath}: make a library override of it first '
+            "(Object > Library Override)"
+        )
     if obj.lake_water.enabled:
         raise WaterError(f'"{obj.name}" is water already')
     _check_orientation(obj.name, obj.matrix_world)
@@ -219,9 +290,10 @@ def _check_mesh(name: str, mesh: bpy.types.Mesh, matrix: Matrix) -> str:
         )
     offset = 0.5 * float(world[:, 2].max() + world[:, 2].min())
     if abs(offset) > 0.5 * size[2] + 1e-3 * across:
+        where = "above" if offset > 0.0 else "below"
         raise WaterError(
-            f'The faces of "{name}" lie {offset:.3g} m above its origin, and the water plane goes through '
-            "the origin: use Object > Set Origin > Origin to Geometry"
+            f'The faces of "{name}" lie {abs(offset):.3g} m {where} its origin, and the water plane goes '
+            "through the origin: use Object > Set Origin > Origin to Geometry"
         )
     x, y = linear[:, 0], linear[:, 1]
     sheared = abs(x @ y) > 1e-4 * np.linalg.norm(x) * np.linalg.norm(y)

@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The buttons. Each is one call deep: the work is done by functions that need no user interface."""
+
+import bpy
+from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
+
+from . import handlers, preferences, properties, water_objects
+from .registration import register_classes, unregister_classes
+from .water_objects import WaterError
+
+ENGINE_ID = "LAKE_WATER"
+PARAMETERS = ("k", "q", "c", "water_color")  # on the water object; fov_ext is on the scene
+SCENE_DISPLAY = ("show_in_viewport", "show_statistics")  # how the viewport looks, no parameter of the picture
+
+
+def shown_water(context: bpy.types.Context) -> bpy.types.Object | None:
+    """The water object that the panels show: the active one, else the only one of the scene, else None."""
+    if water_objects.is_water(context.object):
+        return context.object
+    waters = handlers.waters(context.scene)
+    return waters[0] if len(waters) == 1 else None
+
+
+def target_waters(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The water objects that an operator changes: all selected ones, else the one that the panels show.
+
+    Raises WaterError when that leaves none.
+    """
+    selected = [obj for obj in context.selected_objects if water_objects.is_water(obj)]
+    if selected:
+        return selected
+    obj = shown_water(context)
+    if obj is not None:
+        return [obj]
+    if water_objects.waters_of(context.scene):
+        raise WaterError("The scene has several water objects: select those to change")
+    raise WaterError("The scene has no water: use Add Lake, Add Water or Make Water first")
+
+
+def _first_water_defaults(context: bpy.types.Context) -> None:
+    """Give a scene that gets its first water the person's own defaults, where nothing is set yet."""
+    settings = context.scene.lake_water
+    defaults = preferences.defaults(context)
+    for name in SCENE_DISPLAY:
+        if not settings.is_property_set(name):
+            setattr(settings, name, getattr(defaults, name))
+
+
+def _select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
+    """Make the object the active and only selected one, where the view layer has it."""
+    context.view_layer.update()  # tells the view layer of a new object
+    if obj.name not in context.view_layer.objects:
+        return
+    for other in context.selected_objects:
+        other.select_set(False)
+    obj.select_set(True)
+    context.view_layer.objects.active = obj
+
+
+class _ObjectModeOperator:
+    """Operators that add or change objects as a whole."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.mode != "OBJECT":
+            cls.poll_message_set("Switch to Object Mode first")
+            return False
+        return True
+
+    def refuse(self, error: Exception) -> set[str]:
+        """Report the error and cancel."""
+        self.report({"ERROR"}, str(error))
+        return {"CANCELLED"}
+
+
+class LAKE_WATER_OT_add_lake(_ObjectModeOperator, bpy.types.Operator):
+    """Add a whole lake: basin, shore, plants, things in the water, sun, sky and camera"""
+
+    bl_idname = "lake_water.add_lake"
+    bl_label = "Add Lake"
+
+    seed: IntProperty(
+        name="Seed",
+        description="Another number gives another lake; the same number the same lake",
+        default=1,
+        min=0,
+        max=2**31 - 1,
+    )
+    detail: FloatProperty(
+        name="Detail",
+        description="How finely everything is modeled: 1 is the scene of the 2008 thesis (about 131,000 "
+        "vertices), lower is faster to build and to draw",
+        default=1.0,
+        min=0.01,
+        max=4.0,
+        soft_min=0.1,
+        soft_max=2.0,
+        step=10,
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        from .scenes import build_lake
+
+        scene = context.scene
+        first = not water_objects.waters_of(scene)
+        try:
+            lake = build_lake(scene, seed=self.seed, detail=self.detail)
+        except ValueError as error:
+            return self.refuse(error)
+        if first:
+            _first_water_defaults(context)
+        scene.camera = lake.camera
+        if engine_is_registered():
+            scene.render.engine = ENGINE_ID
+        _select_only(context, lake.water)
+        if context.space_data is not None and context.space_data.type == "VIEW_3D":
+            context.space_data.region_3d.view_perspective = "CAMERA"
+        return {"FINISHED"}
+
+
+class LAKE_WATER_OT_add_water(_ObjectModeOperator, bpy.types.Operator):
+    """Add a square water surface at the 3D cursor"""
+
+    bl_idname = "lake_water.add_water"
+    bl_label = "Add Water"
+
+    size: FloatProperty(
+        name="Size",
+        description="Length of each side; scale the object for another shape",
+        default=20.0,
+        min=0.001,
+        soft_min=0.1,
+        soft_max=1000.0,
+        subtype="DISTANCE",
+        unit="LENGTH",
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        first = not water_objects.waters_of(context.scene)
+        try:
+            obj = water_objects.create_water(
+                "Water", self.size, self.size, context.collection, context.scene.cursor.location
+            )
+        except (WaterError, RuntimeError) as error:  # RuntimeError: the collection cannot be edited
+            return self.refuse(error)
+        obj.lake_water.grid_resolution = preferences.defaults(context).grid_resolution
+        if first:
+            _first_water_defaults(context)
+        space = context.space_data
+        if space is not None and space.type == "VIEW_3D" and space.local_view is not None:
+            obj.local_view_set(space, True)
+        _select_only(context, obj)
+        return {"FINISHED"}
+
+
+class LAKE_WATER_OT_make_water(_ObjectModeOperator, bpy.types.Operator):
+    """Turn the active mesh into water. It must lie flat; a plain rectangle gets a fine grid of its own"""
+
+    bl_idname = "lake_water.make_water"
+    bl_label = "Make Water"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        obj = context.object
+        if obj is None:
+            return self.refuse(WaterError("There is no active object: click the mesh that is to be water"))
+        context.view_layer.update()
+        first = not water_objects.waters_of(context.scene)
+        try:
+            water_objects.make_water(obj)
+        except WaterError as error:
+            return self.refuse(error)
+        if not obj.lake_water.is_property_set("grid_resolution"):
+            obj.lake_water.grid_resolution = preferences.defaults(context).grid_resolution
+        if first:
+            _first_water_defaults(context)
+        return {"FINISHED"}
+
+
+class LAKE_WATER_OT_remove_water(_ObjectModeOperator, bpy.types.Operator):
+    """Make the selected water an ordinary mesh again. Its settings stay for the next time"""
+
+    bl_idname = "lake_water.remove_water"
+    bl_label = "Turn Off Water"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            for obj in target_waters(context):
+                water_objects.remove_water(obj)
+        except WaterError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
+
+
+class LAKE_WATER_OT_set_parameters(_ObjectModeOperator, bpy.types.Operator):
+    """Set the main parameters of the selected water and of the scene in one step"""
+
+    bl_idname = "lake_water.set_parameters"
+    bl_label = "Set Parameters"
+
+    # SKIP_SAVE: a value that is left out means "as it is", not "as in the last call".
+    k: FloatProperty(**properties.K, options={"SKIP_SAVE"})
+    q: FloatProperty(**properties.Q, options={"SKIP_SAVE"})
+    c: FloatProperty(**properties.C, options={"SKIP_SAVE"})
+    fov_ext: FloatProperty(**properties.FOV_EXT, options={"SKIP_SAVE"})
+    water_color: FloatVectorProperty(**properties.WATER_COLOR, options={"SKIP_SAVE"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return True  # changes settings only: fine in every mode
+
+    def _fill_in(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        """Take what the caller left out from the first target, and return the targets."""
+        targets = target_waters(context)
+        for name in PARAMETERS:
+            if not self.properties.is_property_set(name):
+                setattr(self, name, getattr(targets[0].lake_water, name))
+        if not self.properties.is_property_set("fov_ext"):
+            self.fov_ext = context.scene.lake_water.fov_ext
+        return targets
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        try:
+            self._fill_in(context)
+        except WaterError as error:
+            return self.refuse(error)
+        return context.window_manager.invoke_props_popup(self, event)
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        given = [name for name in PARAMETERS if self.properties.is_property_set(name)]
+        try:
+            targets = self._fill_in(context)  # so that the redo panel shows what holds
+        except WaterError as error:
+            return self.refuse(error)
+        for obj in targets:
+            for name in given:
+                setattr(obj.lake_water, name, getattr(self, name))
+        context.scene.lake_water.fov_ext = self.fov_ext
+        return {"FINISHED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("k", "q", "c", "water_color", "fov_ext"):
+            layout.prop(self, name)
+
+
+class LAKE_WATER_OT_reset_parameters(_ObjectModeOperator, bpy.types.Operator):
+    """Put all parameters of the selected water, its waves and the scene's settings back to their defaults"""
+
+    bl_idname = "lake_water.reset_parameters"
+    bl_label = "Reset Parameters"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            targets = target_waters(context)
+        except WaterError as error:
+            return self.refuse(error)
+        for obj in targets:
+            water_objects.reset_water(obj)
+        water_objects.reset_settings(context.scene.lake_water, keep=SCENE_DISPLAY)
+        return {"FINISHED"}
+
+
+class _WaveOperator:
+    """Operators on the wave list of the water object that the panel shows."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if shown_water(context) is None:
+            cls.poll_message_set("Select a water object first")
+            return False
+        return True
+
+
+class LAKE_WATER_OT_wave_add(_WaveOperator, bpy.types.Operator):
+    """Add a wave, like the active one but shorter and flatter"""
+
+    bl_idname = "lake_water.wave_add"
+    bl_label = "Add Wave"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        water_objects.add_wave(shown_water(context))
+        return {"FINISHED"}
+
+
+class LAKE_WATER_OT_wave_remove(_WaveOperator, bpy.types.Operator):
+    """Remove the active wave"""
+
+    bl_idname = "lake_water.wave_remove"
+    bl_label = "Remove Wave"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context):
+            return False
+        if not shown_water(context).lake_water.waves:
+            cls.poll_message_set("The water has no waves")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        water_objects.remove_active_wave(shown_water(context))
+        return {"FINISHED"}
+
+
+def engine_is_registered() -> bool:
+    """Whether Blender knows the render engine LAKE_WATER."""
+    return any(
+        getattr(cls, "bl_idname", "") == ENGINE_ID and cls.is_registered
+        for cls in bpy.types.RenderEngine.__subclasses__()
+    )
+
+
+CLASSES = (
+    LAKE_WATER_OT_add_lake,
+    LAKE_WATER_OT_add_water,
+    LAKE_WATER_OT_make_water,
+    LAKE_WATER_OT_remove_water,
+    LAKE_WATER_OT_set_parameters,
+    LAKE_WATER_OT_reset_parameters,
+    LAKE_WATER_OT_wave_add,
+    LAKE_WATER_OT_wave_remove,
+)
+
+
+def register() -> None:
+    """Add the operators."""
+    register_classes(CLASSES)
+
+
+def unregister() -> None:
+    """Remove the operators."""
+    unregister_classes(CLASSES)

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tab "Lake Water" in the 3D viewport's sidebar, and the render settings of the engine LAKE_WATER."""
+
+import bpy
+
+from . import handlers
+from .operators import ENGINE_ID, shown_water
+from .registration import register_classes, unregister_classes
+from .water_objects import is_water
+
+# Blender's own panels ask which engines they serve. These serve EEVEE only and suit this engine too.
+EEVEE_PANELS = frozenset(
+    {
+        "DATA_PT_EEVEE_light",
+        "EEVEE_MATERIAL_PT_context_material",
+        "EEVEE_MATERIAL_PT_settings",
+        "EEVEE_MATERIAL_PT_settings_surface",
+        "EEVEE_MATERIAL_PT_surface",
+        "EEVEE_WORLD_PT_surface",
+    }
+)
+# These serve every engine in Blender, but show what this one does not draw.
+UNSUITABLE = (
+    "freestyle",
+    "gpencil",
+    "grease",
+    "lightprobe",
+    "stereo",
+    "views",
+    "DATA_PT_light",
+    "DATA_PT_spot",
+)
+UNSUITABLE_PANELS = frozenset({"DATA_PT_preview", "EEVEE_MATERIAL_PT_viewport_settings", "OBJECT_PT_shading"})
+
+
+class _Sidebar:
+    """A panel of the tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Lake Water"
+
+
+class _SidebarOfWater(_Sidebar):
+    """A sub-panel about the water object that is shown."""
+
+    bl_parent_id = "VIEW3D_PT_lake_water"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return shown_water(context) is not None
+
+
+class _SidebarOfScene(_Sidebar):
+    """A sub-panel about the scene, of use once it has water."""
+
+    bl_parent_id = "VIEW3D_PT_lake_water"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(handlers.waters(context.scene))
+
+
+def _aligned(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    """A column with names left and values right, as in Blender's own panels."""
+    layout.use_property_split = True
+    return layout.column()
+
+
+class VIEW3D_PT_lake_water(_Sidebar, bpy.types.Panel):
+    """What there is, and the buttons that make more of it."""
+
+    bl_label = "Lake Water"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        waters = handlers.waters(context.scene)
+        if not waters:
+            column = layout.column(align=True)
+            column.label(text="No water in this scene yet.")
+            column.separator()
+            column.operator("lake_water.add_lake", icon="WORLD")
+            column.label(text="a lake with shore, sun and camera")
+            column.separator()
+            column.operator("lake_water.add_water", icon="MOD_OCEAN")
+            column.label(text="a surface at the 3D cursor")
+            column.separator()
+            column.operator("lake_water.make_water", icon="MESH_PLANE")
+            column.label(text="of the active, flat mesh")
+            return
+        obj = shown_water(context)
+        if obj is None:
+            layout.label(text=f"{len(waters)} water objects: select one")
+        else:
+            layout.label(text=obj.name, icon="MOD_OCEAN", translate=False)
+        row = layout.row(align=True)
+        row.operator("lake_water.add_water")
+        if is_water(context.object):
+            row.operator("lake_water.remove_water", text="Turn Off")
+        else:
+            row.operator("lake_water.make_water")
+        if obj is not None:
+            row = layout.row(align=True)
+            row.operator("lake_water.set_parameters")
+            row.operator("lake_water.reset_parameters", text="Reset")
+
+
+class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
+    """The water's optics."""
+
+    bl_label = "Water"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = shown_water(context).lake_water
+        column = _aligned(self.layout)
+        column.prop(settings, "k")
+        column.prop(settings, "water_color")
+        column.separator()
+        column.prop(settings, "q")
+        column.prop(settings, "ior")
+        column.prop(settings, "c")
+
+
+class LAKE_WATER_UL_waves(bpy.types.UIList):
+    """One line a wave: its length and height."""
+
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):  # noqa: PLR0917 - Blender gives them all
+        row = layout.row(align=True)
+        row.prop(item, "wavelength", text="", emboss=False)
+        row.prop(item, "amplitude", text="", emboss=False)
+        row.prop(item, "direction", text="", emboss=False)
+
+
+class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
+    """The shape of the surface."""
+
+    bl_label = "Waves"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        settings = shown_water(context).lake_water
+        header = layout.row(align=True)
+        for text in ("Length", "Height", "Direction"):
+            header.label(text=text)
+        header.label(text="", icon="BLANK1")
+        row = layout.row()
+        row.template_list("LAKE_WATER_UL_waves", "", settings, "waves", settings, "active_wave", rows=4)
+        buttons = row.column(align=True)
+        buttons.operator("lake_water.wave_add", icon="ADD", text="")
+        buttons.operator("lake_water.wave_remove", icon="REMOVE", text="")
+        column = _aligned(layout)
+        if settings.active_wave < len(settings.waves):
+            wave = settings.waves[settings.active_wave]
+            column.prop(wave, "amplitude")
+            column.prop(wave, "wavelength")
+            column.prop(wave, "direction")
+            column.prop(wave, "phase")
+            column.separator()
+        column.prop(settings, "depth")
+        column.prop(settings, "surface")
+        if settings.surface == "GRID":
+            column.prop(settings, "grid_resolution")
+
+
+def draw_render_settings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    """The settings of the picture: in the sidebar and in the properties editor."""
+    settings = scene.lake_water
+    column = _aligned(layout)
+    column.prop(settings, "technique")
+    column.prop(settings, "intersection_steps")
+    column.prop(settings, "texture_size")
+    column.prop(settings, "fov_ext")
+    column.separator()
+    samples = column.column(align=True)
+    samples.prop(settings, "samples")
+    samples.prop(settings, "viewport_samples")
+
+
+class VIEW3D_PT_lake_water_rendering(_SidebarOfScene, bpy.types.Panel):
+    """How the picture is computed."""
+
+    bl_label = "Rendering"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_render_settings(self.layout, context.scene)
+
+
+class VIEW3D_PT_lake_water_display(_SidebarOfScene, bpy.types.Panel):
+    """What the viewport shows."""
+
+    bl_label = "Display"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.lake_water
+        column = self.layout.column()
+        column.prop(settings, "show_in_viewport")
+        column.prop(settings, "show_statistics")
+        if settings.show_statistics:
+            lines = self.layout.column(align=True)
+            for line in handlers.statistics():
+                lines.label(text=line, translate=False)
+
+
+class RENDER_PT_lake_water(bpy.types.Panel):
+    """The engine's settings in the properties editor."""
+
+    bl_label = "Lake Water"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "render"
+    COMPAT_ENGINES = {ENGINE_ID}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return context.engine in cls.COMPAT_ENGINES
+
+    def draw(self, context: bpy.types.Context) -> None:
+        draw_render_settings(self.layout, context.scene)
+
+
+CLASSES = (
+    VIEW3D_PT_lake_water,
+    VIEW3D_PT_lake_water_water,
+    LAKE_WATER_UL_waves,
+    VIEW3D_PT_lake_water_waves,
+    VIEW3D_PT_lake_water_rendering,
+    VIEW3D_PT_lake_water_display,
+    RENDER_PT_lake_water,
+)
+
+
+def standard_panels() -> list[type[bpy.types.Panel]]:
+    """Blender's own panels that make sense with the engine LAKE_WATER."""
+    found = []
+    for panel in bpy.types.Panel.__subclasses__():
+        name = panel.__name__
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        if name in EEVEE_PANELS:
+            found.append(panel)
+        elif "BLENDER_RENDER" in engines and name not in UNSUITABLE_PANELS:
+            if not any(word in name for word in UNSUITABLE):
+                found.append(panel)
+    return found
+
+
+def register() -> None:
+    """Add the panels, and this engine to those that Blender's own panels serve."""
+    register_classes(CLASSES)
+    for panel in standard_panels():
+        panel.COMPAT_ENGINES.add(ENGINE_ID)
+
+
+def unregister() -> None:
+    """Remove the panels, and this engine from Blender's own."""
+    for panel in standard_panels():
+        panel.COMPAT_ENGINES.discard(ENGINE_ID)
+    unregister_classes(CLASSES)
