@@ -140,6 +140,7 @@ class WaterBody:
     """
 
     key: Hashable
+    name: str
     matrix: np.ndarray
     settings: WaterSettings
     grid: tuple[int, float, float, float, float] | None

@@ -37,14 +37,21 @@ class SampleMean:
 
     def add(self, picture: Target, mean: Target, weight: float) -> None:
         """mean += weight * picture."""
-        shader = self._library.get(ACCUMULATE)
-        blend, depth_test = gpu.state.blend_get(), gpu.state.depth_test_get()
         with mean.framebuffer.bind():
-            gpu.state.blend_set("ADDITIVE_PREMULT")
-            gpu.state.depth_test_set("NONE")
-            shader.bind()
-            shader.uniform_sampler("picture", picture.colors[0])
-            shader.uniform_float("weight", weight)
-            self._resources.covering_triangle().draw(shader)
+            self._draw(picture, weight, "ADDITIVE_PREMULT")
+
+    def show(self, mean: Target, weight: float) -> None:
+        """weight * mean over what is in the bound framebuffer."""
+        self._draw(mean, weight, "ALPHA_PREMULT")
+
+    def _draw(self, source: Target, weight: float, blend: str) -> None:
+        shader = self._library.get(ACCUMULATE)
+        blend_before, depth_test_before = gpu.state.blend_get(), gpu.state.depth_test_get()
         gpu.state.blend_set(blend)
-        gpu.state.depth_test_set(depth_test)
+        gpu.state.depth_test_set("NONE")
+        shader.bind()
+        shader.uniform_sampler("picture", source.colors[0])
+        shader.uniform_float("weight", weight)
+        self._resources.covering_triangle().draw(shader)
+        gpu.state.blend_set(blend_before)
+        gpu.state.depth_test_set(depth_test_before)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the two hosts (`engine.py` and `viewport.py`) share: extraction, planning and a renderer."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass, field
+
+import bpy
+
+from .core.plan import FramePlan, plan_frame
+from .core.snapshot import Camera, SceneSnapshot
+from .extract import SceneExtractor
+from .render.frame import FrameRenderer, PassTimer
+
+
+@dataclass
+class FrameReport:
+    """What one frame cost and made. Seconds; `passes` by name; `made` counts GPU objects by kind."""
+
+    resolution: tuple[int, int] = (0, 0)
+    extraction_s: float = 0.0
+    planning_s: float = 0.0
+    frame_s: float = 0.0
+    passes: dict[str, float] = field(default_factory=dict)
+    made: dict[str, int] = field(default_factory=dict)
+    water_bodies: int = 0
+    water_drawn: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    error: str | None = None
+
+    def as_dict(self) -> dict:
+        """Plain types, for JSON."""
+        return {
+            "error": self.error,
+            "resolution": list(self.resolution),
+            "extraction_s": self.extraction_s,
+            "planning_s": self.planning_s,
+            "frame_s": self.frame_s,
+            "passes": dict(self.passes),
+            "created": dict(self.made),
+            "water_bodies": self.water_bodies,
+            "water": list(self.water_drawn),
+            "notes": list(self.notes),
+        }
+
+
+class Host:
+    """Extraction and rendering for one graphics context."""
+
+    def __init__(self) -> None:
+        self.extractor = SceneExtractor()
+        self.renderer = FrameRenderer()
+        self.report = FrameReport()
+        self._recent: deque[float] = deque(maxlen=20)
+
+    def begin(self, resolution: tuple[int, int]) -> None:
+        """A new frame: its report starts empty."""
+        self.renderer.resources.reset_counts()
+        self.report = FrameReport(resolution=resolution)
+
+    def snapshot(self, depsgraph: bpy.types.Depsgraph, **options) -> SceneSnapshot:
+        """Extract, timed. options: those of `SceneExtractor.snapshot`."""
+        start = time.perf_counter()
+        snapshot = self.extractor.snapshot(depsgraph, **options)
+        self.report.extraction_s += time.perf_counter() - start
+        self.report.notes = snapshot.notes
+        self.report.water_bodies = len(snapshot.waters)
+        return snapshot
+
+    def plan(self, snapshot: SceneSnapshot, camera: Camera, scene: bpy.types.Scene, **options) -> FramePlan:
+        """Plan with the scene's settings, timed. options: those of `plan_frame`."""
+        start = time.perf_counter()
+        settings = scene.lake_water
+        plan = plan_frame(
+            snapshot,
+            camera,
+            fov_ext=settings.fov_ext,
+            texture_size=settings.texture_size,
+            intersection_steps=settings.intersection_steps,
+            technique=settings.technique,
+            **options,
+        )
+        self.report.planning_s += time.perf_counter() - start
+        self.report.water_drawn = tuple(
+            f"{body.body.name}: {'drawn' if body.drawn else 'not drawn'}, {body.reason}" for body in plan.bodies
+        )
+        return plan
+
+    def finish(self, timer: PassTimer, seconds: float) -> None:
+        """The frame is drawn: complete its report."""
+        self.report.passes = dict(timer.seconds)
+        self.report.made = dict(self.renderer.resources.made)
+        self.report.frame_s = seconds
+        self._recent.append(time.perf_counter())
+
+    def frames_per_second(self) -> float:
+        """Over the last frames; 0 until there are two."""
+        if len(self._recent) < 2 or self._recent[-1] == self._recent[0]:
+            return 0.0
+        return (len(self._recent) - 1) / (self._recent[-1] - self._recent[0])
+
+    def statistics(self) -> list[str]:
+        """Lines for the viewport and the panel."""
+        report = self.report
+        lines = [f"{self.frames_per_second():.1f} fps, water frame {1000 * report.frame_s:.1f} ms"]
+        lines += [f"{name}: {1000 * seconds:.1f} ms" for name, seconds in report.passes.items()]
+        lines.append(f"extraction: {1000 * report.extraction_s:.1f} ms, planning: {1000 * report.planning_s:.1f} ms")
+        lines += report.water_drawn
+        return lines
