@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The tab "Lake Water" in the 3D viewport's sidebar, and the render settings of the engine LAKE_WATER."""
 
+import math
+
 import bpy
 
 from . import handlers
@@ -80,13 +82,13 @@ class VIEW3D_PT_lake_water(_Sidebar, bpy.types.Panel):
             column.label(text="No water in this scene yet.")
             column.separator()
             column.operator("lake_water.add_lake", icon="WORLD")
-            column.label(text="a lake with shore, sun and camera")
+            column.label(text="A lake with shore, sun and camera")
             column.separator()
             column.operator("lake_water.add_water", icon="MOD_OCEAN")
-            column.label(text="a surface at the 3D cursor")
+            column.label(text="A surface at the 3D cursor")
             column.separator()
             column.operator("lake_water.make_water", icon="MESH_PLANE")
-            column.label(text="of the active, flat mesh")
+            column.label(text="Turns the active, flat mesh into it")
             return
         obj = shown_water(context)
         if obj is None:
@@ -113,22 +115,25 @@ class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings = shown_water(context).lake_water
         column = _aligned(self.layout)
-        column.prop(settings, "k")
-        column.prop(settings, "water_color")
+        # The sidebar is narrow: short labels here, the full names are in the tooltips.
+        column.prop(settings, "k", text="Attenuation k")
+        column.prop(settings, "water_color", text="Color")
         column.separator()
-        column.prop(settings, "q")
-        column.prop(settings, "ior")
-        column.prop(settings, "c")
+        column.prop(settings, "q", text="Fresnel q")
+        column.prop(settings, "ior", text="IOR")
+        column.prop(settings, "c", text="Mirror Offset c")
 
 
 class LAKE_WATER_UL_waves(bpy.types.UIList):
-    """One line a wave: its length and height."""
+    """One line a wave: length, height, direction."""
 
     def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):  # noqa: PLR0917 - Blender gives them all
+        system = context.scene.unit_settings.system
         row = layout.row(align=True)
-        row.prop(item, "wavelength", text="", emboss=False)
-        row.prop(item, "amplitude", text="", emboss=False)
-        row.prop(item, "direction", text="", emboss=False)
+        for length in (item.wavelength, item.amplitude):
+            text = bpy.utils.units.to_string(system, "LENGTH", length, precision=2, compatible_unit=False)
+            row.label(text=text, translate=False)
+        row.label(text=f"{math.degrees(item.direction):.0f}°", translate=False)
 
 
 class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
@@ -139,13 +144,16 @@ class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = shown_water(context).lake_water
-        header = layout.row(align=True)
+        row = layout.row()
+        waves = row.column(align=True)
+        header = waves.row(align=True)
         for text in ("Length", "Height", "Direction"):
             header.label(text=text)
-        header.label(text="", icon="BLANK1")
-        row = layout.row()
-        row.template_list("LAKE_WATER_UL_waves", "", settings, "waves", settings, "active_wave", rows=4)
+        waves.template_list(
+            "LAKE_WATER_UL_waves", "", settings, "waves", settings, "active_wave", rows=3, maxrows=6
+        )
         buttons = row.column(align=True)
+        buttons.label(icon="BLANK1")
         buttons.operator("lake_water.wave_add", icon="ADD", text="")
         buttons.operator("lake_water.wave_remove", icon="REMOVE", text="")
         column = _aligned(layout)
@@ -159,21 +167,21 @@ class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
         column.prop(settings, "depth")
         column.prop(settings, "surface")
         if settings.surface == "GRID":
-            column.prop(settings, "grid_resolution")
+            column.prop(settings, "grid_resolution", text="Resolution")
 
 
 def draw_render_settings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
-    """The settings of the picture: in the sidebar and in the properties editor."""
+    """The settings of the picture: in the sidebar and in the properties editor, both narrow."""
     settings = scene.lake_water
     column = _aligned(layout)
     column.prop(settings, "technique")
-    column.prop(settings, "intersection_steps")
+    column.separator()
+    column.prop(settings, "intersection_steps", text="Steps")
     column.prop(settings, "texture_size")
     column.prop(settings, "fov_ext")
     column.separator()
-    samples = column.column(align=True)
-    samples.prop(settings, "samples")
-    samples.prop(settings, "viewport_samples")
+    column.prop(settings, "samples", text="Samples")
+    column.prop(settings, "viewport_samples", text="Viewport")
 
 
 class VIEW3D_PT_lake_water_rendering(_SidebarOfScene, bpy.types.Panel):
@@ -208,6 +216,7 @@ class RENDER_PT_lake_water(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
+    bl_order = -1  # above Simplify
     COMPAT_ENGINES = {ENGINE_ID}
 
     @classmethod

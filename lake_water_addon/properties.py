@@ -83,10 +83,10 @@ WATER_COLOR = {
     "subtype": "COLOR",
 }
 FOV_EXT = {
-    "name": "Field of View Extension",
-    "description": "How much wider the refraction and reflection textures see than the camera, as a factor "
-    "of the tangent of half the field of view. More finds what waves bend in from outside the picture, "
-    "and makes both textures coarser by the same factor. 1.5 near the water, 1.2 far from it",
+    "name": "FOV Extension",
+    "description": "FOV_ext: how much wider the refraction and reflection textures see than the camera, as "
+    "a factor of the tangent of half the field of view. More finds what waves bend in from outside the "
+    "picture, and makes both textures coarser by the same factor. 1.5 near the water, 1.2 far from it",
     "default": 1.5,
     "min": 1.0,
     "max": 10.0,
