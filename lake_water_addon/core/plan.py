@@ -71,6 +71,10 @@ class FramePlan:
     intersection_steps: int
     technique: str
 
+    def without_water(self) -> FramePlan:
+        """The same picture with no water in it, to compare with."""
+        return replace(self, bodies=())
+
 
 def render_origin(snapshot: SceneSnapshot) -> np.ndarray:
     """(3,) float64: where render space's origin lies in the world. Depends on the scene, not on the view."""

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draw handler: the water over whatever Blender's own engines show in a 3D viewport.
+
+The passes into textures are the engine's; the water itself is drawn into the viewport, against
+the depth of what Blender drew, in display colours (see `display.py`).
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+
+import blf
+import bpy
+import gpu
+from gpu.types import GPUTexture
+
+from . import handlers
+from .display import bake_view_transform, view_settings_key
+from .engine import LakeWaterRenderEngine
+from .extract import camera_from_view
+from .host import Host
+from .render.frame import PassTimer
+
+TEXT_SIZE = 11.0
+TEXT_MARGIN = 20.0
+
+
+class _State:
+    """What lives between register() and unregister()."""
+
+    def __init__(self) -> None:
+        self.draw_handles: list = []
+        self.listener: handlers.Listener | None = None
+        self.host: Host | None = None
+        self.tables: dict[tuple, tuple[GPUTexture, tuple[float, float]]] = {}
+        self.wanted_table: tuple | None = None
+        self.error: str | None = None
+
+    def forget_scene(self) -> None:
+        """Drop what was taken from the scene; GPU objects are freed with it."""
+        self.host = None
+        self.error = None
+
+
+_state: _State | None = None
+
+
+def _draws_in(context: bpy.types.Context) -> bool:
+    """Whether the handler has anything to do in this viewport."""
+    space, scene = context.space_data, context.scene
+    if _state is None or space is None or space.type != "VIEW_3D" or not scene.lake_water.show_in_viewport:
+        return False
+    engine = context.engine if space.shading.type == "RENDERED" else None
+    return engine != LakeWaterRenderEngine.bl_idname and bool(handlers.waters(scene))
+
+
+def _draw_water() -> None:
+    """POST_VIEW: Blender's picture and its depth are in the bound framebuffer."""
+    context = bpy.context
+    if not _draws_in(context) or _state.error is not None:
+        return
+    try:
+        _draw(context)
+    except Exception as error:
+        traceback.print_exc()
+        # Say it once and stop, not at every redraw; the next change of the scene tries again.
+        _state.error = f"Lake Water could not draw: {error}"
+
+
+def _draw(context: bpy.types.Context) -> None:
+    start = time.perf_counter()
+    table = _table_of(context.scene)
+    if table is None:
+        return
+    if _state.host is None:
+        _state.host = Host()
+    host, scene = _state.host, context.scene
+    region = context.region
+    host.begin((region.width, region.height))
+    timer = PassTimer(enabled=scene.lake_water.show_statistics)
+    snapshot = host.snapshot(context.evaluated_depsgraph_get(), space=context.space_data)
+    plan = host.plan(snapshot, camera_from_view(context.region_data), scene)
+    host.renderer.draw_textures(plan, timer)
+    host.renderer.draw_water(plan, timer, gpu.state.active_framebuffer_get(), table)
+    host.finish(timer, time.perf_counter() - start)
+
+
+def _draw_statistics() -> None:
+    """POST_PIXEL: frames per second and the time of each pass, or what went wrong."""
+    context = bpy.context
+    if not _draws_in(context):
+        return
+    lines = []
+    if _state.error is not None:
+        lines = [_state.error]
+    elif context.scene.lake_water.show_statistics and _state.host is not None:
+        lines = _state.host.statistics()
+        handlers.publish_statistics(lines)
+    scale = context.preferences.system.ui_scale
+    blf.size(0, TEXT_SIZE * scale)
+    blf.color(0, 1.0, 1.0, 1.0, 1.0)
+    blf.enable(0, blf.SHADOW)
+    blf.shadow(0, 3, 0.0, 0.0, 0.0, 0.8)
+    for i, line in enumerate(reversed(lines)):
+        blf.position(0, TEXT_MARGIN * scale, (TEXT_MARGIN + 1.5 * TEXT_SIZE * i) * scale, 0.0)
+        blf.draw(0, line)
+    blf.disable(0, blf.SHADOW)
+
+
+def _table_of(scene: bpy.types.Scene) -> tuple[GPUTexture, tuple[float, float]] | None:
+    """The scene's view transform, or None while it is being baked (never while drawing)."""
+    key = view_settings_key(scene)
+    if key not in _state.tables and _state.wanted_table != key:
+        _state.wanted_table = key
+        bpy.app.timers.register(_bake_wanted_table, first_interval=0.0)
+    return _state.tables.get(key)
+
+
+def _bake_wanted_table() -> None:
+    """Timer: outside of drawing, where data-blocks can be made."""
+    if _state is None:
+        return
+    for scene in bpy.data.scenes:
+        if view_settings_key(scene) == _state.wanted_table:
+            display, lattice = bake_view_transform(scene)
+            size = display.shape[0]
+            data = gpu.types.Buffer("FLOAT", display.size, display.ravel())
+            texture = gpu.types.GPUTexture((size, size, size), format="RGBA16F", data=data)
+            texture.filter_mode(True)
+            texture.extend_mode("EXTEND")
+            _state.tables = {_state.wanted_table: (texture, lattice)}
+            break
+    _state.wanted_table = None
+    _redraw_viewports()
+
+
+def _redraw_viewports() -> None:
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def _note_updates(_scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    _state.error = None
+    if _state.host is not None:
+        _state.host.extractor.note_updates(depsgraph)
+    _redraw_viewports()
+
+
+def _forget() -> None:
+    _state.forget_scene()
+
+
+def register() -> None:
+    """Start to draw. Without a window there is no viewport, and nothing to do."""
+    global _state  # noqa: PLW0603 - the one piece of state, gone again after unregister()
+    _state = _State()
+    _state.listener = handlers.Listener(
+        loaded=_forget, undone=_forget, updated=_note_updates, frame_changed=_note_updates
+    )
+    handlers.subscribe(_state.listener)
+    if not bpy.app.background:
+        add = bpy.types.SpaceView3D.draw_handler_add
+        _state.draw_handles = [
+            add(_draw_water, (), "WINDOW", "POST_VIEW"),
+            add(_draw_statistics, (), "WINDOW", "POST_PIXEL"),
+        ]
+
+
+def unregister() -> None:
+    """Stop drawing and free everything."""
+    global _state  # noqa: PLW0603
+    if _state is None:
+        return
+    for handle in _state.draw_handles:
+        bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+    if bpy.app.timers.is_registered(_bake_wanted_table):
+        bpy.app.timers.unregister(_bake_wanted_table)
+    handlers.unsubscribe(_state.listener)
+    _state = None
