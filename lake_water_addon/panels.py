@@ -178,7 +178,7 @@ def draw_render_settings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> 
     column.separator()
     column.prop(settings, "intersection_steps", text="Steps")
     column.prop(settings, "texture_size")
-    column.prop(settings, "fov_ext")
+    column.prop(settings, "fov_ext", text="FOV Factor")
     column.separator()
     column.prop(settings, "samples", text="Samples")
     column.prop(settings, "viewport_samples", text="Viewport")
@@ -216,7 +216,6 @@ class RENDER_PT_lake_water(bpy.types.Panel):
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
-    bl_order = -1  # above Simplify
     COMPAT_ENGINES = {ENGINE_ID}
 
     @classmethod
