@@ -41,3 +41,10 @@ def lattice_colors(lattice: tuple[float, float]) -> np.ndarray:
     colors = np.ones((SIZE, SIZE, SIZE, 4))
     colors[..., 2], colors[..., 1], colors[..., 0] = np.meshgrid(values, values, values, indexing="ij")
     return colors
+
+
+def srgb_decoded(encoded: np.ndarray) -> np.ndarray:
+    """Inverse of the sRGB encoding (IEC 61966-2-1)."""
+    encoded = np.asarray(encoded, dtype=np.float64)
+    high = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
+    return np.where(encoded <= 0.04045, encoded / 12.92, high)
