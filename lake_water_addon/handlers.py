@@ -89,6 +89,13 @@ def _call(callback: Callable[..., None] | None, *args: object) -> None:
 
 
 @persistent
+def _forget_objects(*_args: object) -> None:
+    """Before the objects in memory are exchanged: no reference may outlive them."""
+    if _state is not None:
+        _state.finder.forget()
+
+
+@persistent
 def _load_post(_filepath: str, *_args: object) -> None:
     if _state is None:
         return
@@ -124,6 +131,9 @@ def _frame_change_post(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -
 
 
 HANDLERS = (
+    ("load_pre", _forget_objects),
+    ("undo_pre", _forget_objects),
+    ("redo_pre", _forget_objects),
     ("load_post", _load_post),
     ("undo_post", _undo_post),
     ("redo_post", _undo_post),

@@ -128,40 +128,51 @@ def waters_of(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 class WaterFinder:
     """Remembers each scene's water objects, so that handlers and panels need not look at every object.
 
-    They are remembered by name and checked at every question. New ones are noticed among
-    the objects that the depsgraph reports as changed, or after `forget`.
+    (Any look-up by name looks at every object, too.) The references are kept only while
+    Blender keeps the objects in place: `forget` them before and after loading and undo.
+    Deleted ones are noticed when asked for; new ones, and those linked to the scene or
+    unlinked from it, by what the depsgraph reports as changed.
     """
 
     def __init__(self) -> None:
-        self._names: dict[int, list[str]] = {}  # by the scene's session_uid
+        self._waters: dict[int, list[bpy.types.Object]] = {}  # by the scene's session_uid
 
     def forget(self) -> None:
-        """Look at every object again: after loading a file and after undo."""
-        self._names.clear()
+        """Look at every object again at the next question."""
+        self._waters.clear()
 
     def waters(self, scene: bpy.types.Scene) -> list[bpy.types.Object]:
         """The water objects of the scene, in the scene's order."""
         uid = scene.session_uid
-        names = self._names.get(uid)
-        if names is not None:
-            found = [scene.objects.get(name) for name in names]
-            if all(is_water(obj) for obj in found):
-                return found
-        found = waters_of(scene)
-        self._names[uid] = [obj.name for obj in found]
-        return found
+        known = self._waters.get(uid)
+        if known is not None and all(_is_still_water(obj) for obj in known):
+            return list(known)
+        self._waters[uid] = waters_of(scene)
+        return list(self._waters[uid])
 
     def changed(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
         """Whether the scene has water after the depsgraph's latest updates, or has just lost its last."""
         uid = scene.session_uid
-        names = self._names.get(uid)
-        if names is not None and depsgraph.id_type_updated("OBJECT"):
-            for update in depsgraph.updates:
-                obj = update.id
-                if isinstance(obj, bpy.types.Object) and is_water(obj) and obj.name not in names:
-                    del self._names[uid]
-                    break
-        return bool(self.waters(scene)) or bool(names)
+        known = self._waters.get(uid)
+        if known is not None:
+            relinked = depsgraph.id_type_updated("COLLECTION")
+            if relinked or (depsgraph.id_type_updated("OBJECT") and _has_new_water(depsgraph, known)):
+                del self._waters[uid]
+        return bool(self.waters(scene)) or bool(known)
+
+
+def _is_still_water(obj: bpy.types.Object) -> bool:
+    try:
+        return is_water(obj)
+    except ReferenceError:  # deleted
+        return False
+
+
+def _has_new_water(depsgraph: bpy.types.Depsgraph, known: list[bpy.types.Object]) -> bool:
+    return any(
+        isinstance(update.id, bpy.types.Object) and is_water(update.id) and update.id.original not in known
+        for update in depsgraph.updates
+    )
 
 
 def create_water(
