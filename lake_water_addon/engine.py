@@ -103,10 +103,9 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         host.begin(size)
         timer = PassTimer(enabled=scene.lake_water.show_statistics)
 
-        host.extractor.note_updates(depsgraph)
         snapshot = host.snapshot(depsgraph)
         camera_object = (self.camera_override or scene.camera).evaluated_get(depsgraph)
-        camera = camera_from_object(camera_object, depsgraph, width, height)
+        camera = camera_from_object(camera_object, scene, width, height)
         window = (left / width, bottom / height, right / width, top / height)
         mean = self._draw_samples(host, snapshot, camera, scene, (width, height), size, window, timer)
         if mean is None:
@@ -171,7 +170,7 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         size = (context.region.width, context.region.height)
         host.begin(size)
         timer = PassTimer(enabled=scene.lake_water.show_statistics)
-        snapshot = host.snapshot(depsgraph, space=context.space_data)
+        snapshot = host.view_snapshot(depsgraph, context.space_data)
         camera = camera_from_view(context.region_data)
         state = (snapshot.version, snapshot.time, size, camera.view.tobytes(), camera.projection.tobytes())
         samples = scene.lake_water.viewport_samples

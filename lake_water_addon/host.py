@@ -11,7 +11,7 @@ import bpy
 
 from .core.plan import FramePlan, plan_frame
 from .core.snapshot import Camera, SceneSnapshot
-from .extract import SceneExtractor
+from .extract import SceneExtractor, view_visibility
 from .render.frame import FrameRenderer, PassTimer
 
 
@@ -68,6 +68,11 @@ class Host:
         self.report.notes = snapshot.notes
         self.report.water_bodies = len(snapshot.waters)
         return snapshot
+
+    def view_snapshot(self, depsgraph: bpy.types.Depsgraph, space: bpy.types.SpaceView3D) -> SceneSnapshot:
+        """What one 3D view shows: `snapshot` with its local view and filters."""
+        is_visible, key = view_visibility(space)
+        return self.snapshot(depsgraph, is_visible=is_visible, visibility_key=key)
 
     def plan(self, snapshot: SceneSnapshot, camera: Camera, scene: bpy.types.Scene, **options) -> FramePlan:
         """Plan with the scene's settings, timed. options: those of `plan_frame`."""

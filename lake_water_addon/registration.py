@@ -14,8 +14,10 @@ import bpy
 MODULES = (
     "properties",
     "preferences",
-    "handlers",  # the two hosts of a frame, "engine" and "viewport", come next: they subscribe here
+    "handlers",
     "operators",
+    "engine",
+    "viewport",
     "panels",
 )
 

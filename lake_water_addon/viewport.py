@@ -79,7 +79,7 @@ def _draw(context: bpy.types.Context) -> None:
     region = context.region
     host.begin((region.width, region.height))
     timer = PassTimer(enabled=scene.lake_water.show_statistics)
-    snapshot = host.snapshot(context.evaluated_depsgraph_get(), space=context.space_data)
+    snapshot = host.view_snapshot(context.evaluated_depsgraph_get(), context.space_data)
     plan = host.plan(snapshot, camera_from_view(context.region_data), scene)
     host.renderer.draw_textures(plan, timer)
     host.renderer.draw_water(plan, timer, gpu.state.active_framebuffer_get(), table)
@@ -153,12 +153,20 @@ def _forget() -> None:
     _state.forget_scene()
 
 
+def _undone() -> None:
+    """Any data-block may be another now: read all again. What turns out equal is not uploaded again."""
+    _state.error = None
+    if _state.host is not None:
+        _state.host.extractor.reset()
+    _redraw_viewports()
+
+
 def register() -> None:
     """Start to draw. Without a window there is no viewport, and nothing to do."""
     global _state  # noqa: PLW0603 - the one piece of state, gone again after unregister()
     _state = _State()
     _state.listener = handlers.Listener(
-        loaded=_forget, undone=_forget, updated=_note_updates, frame_changed=_note_updates
+        loaded=_forget, undone=_undone, updated=_note_updates, frame_changed=_note_updates
     )
     handlers.subscribe(_state.listener)
     if not bpy.app.background:

@@ -94,9 +94,7 @@ class FrameBench:
 
     def plan(self, *, water: bool = True) -> FramePlan:
         snapshot = self.host.snapshot(self.depsgraph)
-        camera = camera_from_object(
-            self.scene.camera.evaluated_get(self.depsgraph), self.depsgraph, *self.size
-        )
+        camera = camera_from_object(self.scene.camera.evaluated_get(self.depsgraph), self.scene, *self.size)
         plan = self.host.plan(snapshot, camera, self.scene)
         return plan if water else plan.without_water()
 
