@@ -154,7 +154,8 @@ environment() {
 check() {
   local log
   log=$("$PYTHON" -c 'import bpy, gpu; gpu.init(); print(bpy.app.version_string, "on", gpu.platform.renderer_get())' \
-    2>&1) || die "the environment is there, but Blender's OpenGL does not start in it:" "$log"
+    2>&1) || die "the environment is there, but Blender's OpenGL does not start in it:" "$log" \
+    "if it says nothing clearer: apt-get install --reinstall libegl1 libegl-mesa0 libgl1-mesa-dri"
   say "Blender $(tail -n 1 <<<"$log")"
 }
 
