@@ -106,10 +106,15 @@ def lowest_edge_ray(view: np.ndarray, projection: np.ndarray) -> tuple[np.ndarra
         origin, direction = ray_through(projection, np.array(ndc))
         origin = to_world[:3, :3] @ origin + to_world[:3, 3]
         direction = to_world[:3, :3] @ direction
-        height = (direction[2], origin[2])  # all directions are equal in an orthographic camera
-        if best is None or height < (best[0][0] - 1e-9, best[0][1] - 1e-9):
-            best = (height, origin, direction)
-    return best[1], best[2]
+        # The origins are one in a perspective camera, the directions in an orthographic one.
+        steepness, height = direction[2], origin[2]
+        if (
+            best is None
+            or steepness < best[0] - 1e-9
+            or (steepness < best[0] + 1e-9 and height < best[1] - 1e-9)
+        ):
+            best = (steepness, height, origin, direction)
+    return best[2], best[3]
 
 
 def refraction_view(view: np.ndarray, projection: np.ndarray, level: float, n12: float) -> np.ndarray:
@@ -117,11 +122,12 @@ def refraction_view(view: np.ndarray, projection: np.ndarray, level: float, n12:
 
     O is where the ray of the bottom centre of the picture meets the plane z = level (eq. 1), I that
     ray's direction and R its refraction: so the bottom centre shows just what is seen through O.
-    Where that ray misses the water (looking up) or stands on it, the camera itself is returned.
+    Where that ray misses the water (looking up, or from below it) the camera itself is returned. The
+    rays of an orthographic camera have no beginning: they meet the plane wherever the camera stands.
     """
     origin, incident = lowest_edge_ray(view, projection)
     height = origin[2] - level
-    if height <= 0.0 or incident[2] >= -1e-6:
+    if incident[2] >= -1e-6 or (height <= 0.0 and not is_orthographic(projection)):
         return view
     hit = origin + incident * (height / -incident[2])
     refracted, _ = refract_direction(incident, UP, n12)
