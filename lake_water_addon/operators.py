@@ -93,9 +93,8 @@ class LAKE_WATER_OT_add_lake(_ObjectModeOperator, bpy.types.Operator):
         description="How finely everything is modeled: 1 is the scene of the 2008 thesis (about 131,000 "
         "vertices), lower is faster to build and to draw",
         default=1.0,
-        min=0.01,
+        min=0.1,
         max=4.0,
-        soft_min=0.1,
         soft_max=2.0,
         step=10,
     )

@@ -275,10 +275,12 @@ def _check_orientation(name: str, matrix: Matrix) -> None:
     if normal.length < 1e-9 * x.length * y.length:
         raise WaterError(f'"{name}" is sheared flat by its parent: clear the parent (Alt+P)')
     tilt = normal.angle(Vector((0.0, 0.0, 1.0)))
+    if tilt > math.pi - MAX_TILT:
+        raise WaterError(f'"{name}" is upside down: clear its rotation (Alt+R) and negative scale (Alt+S)')
     if tilt > MAX_TILT:
         raise WaterError(
             f'"{name}" is tilted by {math.degrees(tilt):.0f}° and water lies flat: clear its rotation '
-            "(Alt+R) and negative scale (Alt+S); turning it about Z is fine"
+            "(Alt+R); turning it about Z is fine"
         )
 
 

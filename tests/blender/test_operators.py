@@ -1,0 +1,371 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The buttons: what they make, what they refuse and in which words, and that settings can be animated."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix
+
+from lake_water_addon import handlers, operators, preferences, properties, water_objects
+from lake_water_addon.core.snapshot import WaterSettings
+from lake_water_addon.core.techniques import DEFAULT_TECHNIQUE, TECHNIQUES
+from lake_water_addon.core.waves import max_height
+from lake_water_addon.water_objects import WaterError
+
+
+def add_water(**options: object) -> bpy.types.Object:
+    assert bpy.ops.lake_water.add_water(**options) == {"FINISHED"}
+    return bpy.context.object
+
+
+def add_plane(**transform: object) -> bpy.types.Object:
+    bpy.ops.mesh.primitive_plane_add(**transform)
+    return bpy.context.object
+
+
+def evaluated_settings(obj: bpy.types.Object) -> WaterSettings:
+    return water_objects.settings_of(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()))
+
+
+# What the buttons make
+
+
+def test_add_water_makes_a_rectangle_at_the_cursor_with_the_default_settings() -> None:
+    bpy.context.scene.cursor.location = (1.0, -2.0, 3.5)
+    obj = add_water(size=8.0)
+    assert tuple(obj.location) == (1.0, -2.0, 3.5)
+    assert tuple(obj.dimensions) == (8.0, 8.0, 0.0)
+    assert obj.data.polygons[0].normal.z == 1.0, "the surface must face up"
+    assert bpy.context.selected_objects == [obj]
+    assert (obj.lake_water.enabled, obj.lake_water.surface) == (True, "GRID")
+    assert obj.display_type == "WIRE", "Blender would draw the faces as well"
+    assert not obj.hide_render and not obj.hide_viewport
+
+    settings, default = water_objects.settings_of(obj), WaterSettings()
+    assert (settings.k, settings.q, settings.c, settings.depth) == (
+        default.k,
+        default.q,
+        default.c,
+        default.depth,
+    )
+    assert settings.ior == pytest.approx(default.ior)
+    assert settings.water_color == pytest.approx(default.water_color)
+    assert bpy.context.scene.lake_water.technique == DEFAULT_TECHNIQUE
+
+
+def test_default_waves_are_ripples_of_a_lake() -> None:
+    waves = water_objects.settings_of(add_water()).waves
+    assert len(waves) >= 4
+    assert max_height(waves) == pytest.approx(0.1, rel=1e-4)
+    assert 0.4 < min(w.wavelength for w in waves) and max(w.wavelength for w in waves) < 4.5
+    steepness = [2.0 * math.pi * w.amplitude / w.wavelength for w in waves]
+    assert max(steepness) < 0.1, "as steep as this they would break"
+    assert len({round(w.direction, 3) for w in waves}) == len(waves)
+    assert water_objects.default_waves() == water_objects.default_waves(), "not deterministic"
+
+
+def test_add_lake_makes_a_whole_scene() -> None:
+    assert bpy.ops.lake_water.add_lake(seed=3, detail=0.1) == {"FINISHED"}
+    scene = bpy.context.scene
+    assert scene.camera is not None
+    assert scene.world is not None
+    assert any(obj.type == "LIGHT" and obj.data.type == "SUN" for obj in scene.objects)
+    assert water_objects.waters_of(scene) == [bpy.context.object]
+    if operators.engine_is_registered():
+        assert scene.render.engine == "LAKE_WATER"
+
+
+def test_make_water_keeps_a_rectangle_as_grid_and_anything_else_as_mesh() -> None:
+    cases = {
+        "GRID": [add_plane(), add_plane(rotation=(0.0, 0.0, 0.7), location=(0.0, 0.0, 2.0), size=30.0)],
+        "MESH": [],
+    }
+    bpy.ops.mesh.primitive_circle_add(fill_type="NGON")
+    cases["MESH"].append(bpy.context.object)
+    bpy.ops.mesh.primitive_grid_add()
+    cases["MESH"].append(bpy.context.object)
+    diamond = add_plane()
+    diamond.data.transform(Matrix.Rotation(math.radians(45.0), 4, "Z"))
+    cases["MESH"].append(diamond)
+    subdivided = add_plane()
+    subdivided.modifiers.new("Subdivision", "SUBSURF")
+    cases["MESH"].append(subdivided)
+    for surface, objects in cases.items():
+        for obj in objects:
+            bpy.context.view_layer.objects.active = obj
+            assert bpy.ops.lake_water.make_water() == {"FINISHED"}
+            assert obj.lake_water.surface == surface, obj.name
+
+
+def test_turned_off_water_is_an_ordinary_mesh_again_and_keeps_its_settings() -> None:
+    obj = add_plane()
+    obj.display_type = "SOLID"
+    bpy.ops.lake_water.make_water()
+    bpy.ops.lake_water.set_parameters(k=2.0)
+    assert bpy.ops.lake_water.remove_water() == {"FINISHED"}
+    assert (obj.lake_water.enabled, obj.display_type) == (False, "SOLID")
+    bpy.ops.lake_water.make_water()
+    assert (obj.lake_water.k, obj.display_type) == (2.0, "WIRE")
+
+
+# What they refuse
+
+
+def _scaled_to_nothing() -> None:
+    add_plane().scale = (1.0, 0.0, 1.0)
+
+
+def _mirrored() -> None:
+    add_plane().scale = (-1.0, 1.0, 1.0)
+
+
+def _origin_elsewhere() -> None:
+    add_plane().data.transform(Matrix.Translation((0.0, 0.0, 2.0)))
+
+
+def _no_active_object() -> None:
+    bpy.context.view_layer.objects.active = None
+
+
+REFUSALS = {
+    "no active object": (_no_active_object, "no active object"),
+    "curve": (bpy.ops.curve.primitive_bezier_circle_add, "not a mesh but of type curve"),
+    "empty": (bpy.ops.object.empty_add, "not a mesh but of type empty"),
+    "no faces": (bpy.ops.mesh.primitive_circle_add, "no faces"),
+    "monkey": (bpy.ops.mesh.primitive_monkey_add, "1.97 m high"),
+    "zero scale": (_scaled_to_nothing, "scale of zero"),
+    "tilted": (lambda: add_plane(rotation=(math.radians(17.0), 0.0, 1.0)), "tilted by 17°"),
+    "mirrored": (_mirrored, "upside down"),
+    "upside down": (lambda: add_plane(rotation=(math.pi, 0.0, 0.0)), "upside down"),
+    "origin elsewhere": (_origin_elsewhere, "2 m above its origin"),
+    "already water": (add_water, "water already"),
+}
+
+
+@pytest.mark.parametrize(("prepare", "words"), REFUSALS.values(), ids=REFUSALS.keys())
+def test_make_water_says_why_not_and_changes_nothing(prepare: object, words: str) -> None:
+    prepare()
+    obj = bpy.context.object
+    before = (obj.lake_water.enabled, obj.display_type, len(obj.lake_water.waves)) if obj else None
+    with pytest.raises(RuntimeError, match=words) as refusal:  # what Python sees of an ERROR report
+        bpy.ops.lake_water.make_water()
+    assert "Traceback" not in str(refusal.value)
+    assert obj is None or before == (obj.lake_water.enabled, obj.display_type, len(obj.lake_water.waves))
+
+
+def test_a_tilt_of_less_than_a_degree_is_accepted() -> None:
+    obj = add_plane()
+    obj.rotation_euler = Euler((math.radians(0.9), 0.0, 0.3))
+    assert bpy.ops.lake_water.make_water() == {"FINISHED"}
+
+
+def test_create_water_refuses_a_size_that_is_not_positive() -> None:
+    with pytest.raises(WaterError, match="must be greater than 0"):
+        water_objects.create_water("Water", 0.0, 5.0, bpy.context.scene.collection)
+    assert not bpy.data.objects
+
+
+def test_parameters_without_water_say_what_to_press() -> None:
+    with pytest.raises(RuntimeError, match="no water: use Add Lake"):
+        bpy.ops.lake_water.set_parameters(k=1.0)
+    first, second = add_water(), add_water()
+    for obj in (first, second):
+        obj.select_set(False)
+    bpy.context.view_layer.objects.active = None
+    with pytest.raises(RuntimeError, match="several water objects"):
+        bpy.ops.lake_water.set_parameters(k=1.0)
+
+
+# Parameters and waves
+
+
+def test_set_parameters_sets_what_is_given_and_leaves_the_rest() -> None:
+    obj = add_water()
+    obj.lake_water.q = 4.5
+    bpy.ops.lake_water.set_parameters(k=0.25, fov_ext=1.2, water_color=(0.1, 0.2, 0.3))
+    bpy.ops.lake_water.set_parameters(c=2.0)
+    settings = obj.lake_water
+    assert (settings.k, settings.q, settings.c) == (0.25, 4.5, 2.0)
+    assert tuple(settings.water_color) == pytest.approx((0.1, 0.2, 0.3))
+    assert bpy.context.scene.lake_water.fov_ext == pytest.approx(1.2)
+
+
+def test_set_parameters_leaves_what_is_not_given_as_it_is_on_each_selected_water() -> None:
+    first, second = add_water(), add_water()
+    first.select_set(True)
+    first.lake_water.q, second.lake_water.q = 3.0, 7.0
+    bpy.ops.lake_water.set_parameters(k=1.5)
+    assert [(o.lake_water.k, o.lake_water.q) for o in (first, second)] == [(1.5, 3.0), (1.5, 7.0)]
+
+
+def test_set_parameters_finds_the_only_water_of_the_scene() -> None:
+    water = add_water()
+    add_plane()
+    bpy.ops.lake_water.set_parameters(k=1.5)
+    assert water.lake_water.k == 1.5
+
+
+def test_reset_puts_everything_but_the_display_back() -> None:
+    obj, scene = add_water(), bpy.context.scene
+    waves = water_objects.settings_of(obj).waves
+    bpy.ops.lake_water.set_parameters(k=2.0, q=3.0, c=4.0, fov_ext=2.0, water_color=(1.0, 1.0, 1.0))
+    obj.lake_water.grid_resolution = 200
+    obj.lake_water.waves.clear()
+    scene.lake_water.texture_size = 2048
+    scene.lake_water.show_in_viewport = False
+    bpy.ops.lake_water.reset_parameters()
+    settings = water_objects.settings_of(obj)
+    assert (settings.k, settings.q, settings.c) == (0.5, 5.0, 1.0)
+    assert settings.waves == waves
+    assert obj.lake_water.grid_resolution == 49
+    assert (scene.lake_water.fov_ext, scene.lake_water.texture_size) == (1.5, 512)
+    assert obj.lake_water.enabled and obj.display_type == "WIRE"
+    assert not scene.lake_water.show_in_viewport
+
+
+def test_waves_are_added_and_removed_down_to_none() -> None:
+    obj = add_water()
+    count = len(obj.lake_water.waves)
+    bpy.ops.lake_water.wave_add()
+    added = obj.lake_water.waves[count]
+    assert obj.lake_water.active_wave == count
+    assert 0.0 < added.wavelength < obj.lake_water.waves[0].wavelength
+    for _ in range(count + 1):
+        bpy.ops.lake_water.wave_remove()
+    assert (len(obj.lake_water.waves), obj.lake_water.active_wave) == (0, 0)
+    assert not bpy.ops.lake_water.wave_remove.poll()
+    bpy.ops.lake_water.wave_add()
+    assert len(obj.lake_water.waves) == 1
+
+
+def test_values_out_of_range_are_clamped() -> None:
+    settings = add_water().lake_water
+    settings.k, settings.ior, settings.grid_resolution = -1.0, 0.5, 5000
+    settings.waves[0].wavelength = 0.0
+    assert (settings.k, settings.ior, settings.grid_resolution) == (0.0, 1.0, 1024)
+    assert settings.waves[0].wavelength > 0.0
+
+
+# What Blender does with the settings
+
+
+def test_a_change_from_python_reaches_the_evaluated_scene() -> None:
+    obj, scene = add_water(), bpy.context.scene
+    evaluated_settings(obj)
+    changed: list[str] = []
+    listener = handlers.Listener(
+        updated=lambda scene, depsgraph: changed.extend(u.id.name for u in depsgraph.updates)
+    )
+    handlers.subscribe(listener)
+    try:
+        for change in (
+            lambda: setattr(obj.lake_water, "k", 1.25),
+            lambda: setattr(obj.lake_water.waves[1], "amplitude", 0.5),
+            bpy.ops.lake_water.wave_remove,
+            bpy.ops.lake_water.reset_parameters,
+        ):
+            changed.clear()
+            change()
+            assert evaluated_settings(obj) == water_objects.settings_of(obj)
+            assert obj.name in changed
+        changed.clear()
+        scene.lake_water.fov_ext = 1.25
+        bpy.context.view_layer.update()
+        assert scene.name in changed
+    finally:
+        handlers.unsubscribe(listener)
+
+
+def test_settings_can_be_animated_and_driven() -> None:
+    obj, scene = add_water(), bpy.context.scene
+    for frame, value in ((1, 0.0), (11, 1.0)):
+        obj.lake_water.k = obj.lake_water.waves[0].amplitude = value
+        obj.lake_water.keyframe_insert("k", frame=frame)
+        obj.lake_water.waves[0].keyframe_insert("amplitude", frame=frame)
+    obj.lake_water.driver_add("q").driver.expression = "2 * frame"
+    scene.lake_water.driver_add("fov_ext").driver.expression = "1 + frame / 10"
+    scene.frame_set(6)
+    settings = evaluated_settings(obj)
+    assert (settings.k, settings.waves[0].amplitude, settings.q) == pytest.approx((0.5, 0.5, 12.0))
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    assert scene.evaluated_get(depsgraph).lake_water.fov_ext == pytest.approx(1.6)
+
+
+def test_settings_are_saved_with_the_file(tmp_path: Path) -> None:
+    obj = add_water()
+    bpy.ops.lake_water.set_parameters(k=0.75, fov_ext=1.25)
+    saved, name = water_objects.settings_of(obj), obj.name
+    path = str(tmp_path / "lake.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    loaded = bpy.data.objects[name]
+    assert water_objects.settings_of(loaded) == saved
+    assert (loaded.lake_water.enabled, loaded.display_type) == (True, "WIRE")
+    assert bpy.context.scene.lake_water.fov_ext == 1.25
+    assert handlers.waters(bpy.context.scene) == [loaded]
+
+
+def test_every_setting_is_explained() -> None:
+    for group in properties.CLASSES:
+        for prop in group.bl_rna.properties:
+            if prop.identifier not in {"rna_type", "name"}:
+                assert prop.description, f"{group.__name__}.{prop.identifier} has no description"
+    for technique in TECHNIQUES.values():
+        assert technique.label and technique.description
+
+
+def test_preferences_of_a_checkout_are_the_built_in_defaults() -> None:
+    assert preferences.defaults(bpy.context) == preferences.Defaults()
+
+
+def test_first_water_takes_over_the_preferences_but_not_over_a_choice(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    own = preferences.Defaults(show_in_viewport=False, show_statistics=True, grid_resolution=100)
+    monkeypatch.setattr(preferences, "defaults", lambda context: own)
+    settings = bpy.context.scene.lake_water
+    settings.show_statistics = False
+    assert add_water().lake_water.grid_resolution == 100
+    assert (settings.show_in_viewport, settings.show_statistics) == (False, False)
+    settings.show_in_viewport = True
+    add_water()
+    assert settings.show_in_viewport
+
+
+def test_waters_are_found_without_looking_at_every_object() -> None:
+    scene = bpy.context.scene
+    mesh = bpy.data.meshes.new("Many")
+    for i in range(2000):
+        scene.collection.objects.link(bpy.data.objects.new(f"Many {i}", mesh))
+    obj = add_water()
+    bpy.context.view_layer.update()
+    assert handlers.waters(scene) == [obj]
+    assert _seconds(lambda: handlers.waters(scene)) < 0.1 * _seconds(lambda: water_objects.waters_of(scene))
+    obj.name = "Another name"
+    assert handlers.waters(scene) == [obj]
+    scene.collection.objects.unlink(obj)
+    bpy.context.view_layer.update()
+    assert handlers.waters(scene) == []
+    scene.collection.objects.link(obj)
+    bpy.context.view_layer.update()
+    assert handlers.waters(scene) == [obj]
+    bpy.data.objects.remove(obj)
+    assert handlers.waters(scene) == []
+
+
+def _seconds(function: object, repeats: int = 5) -> float:
+    """The shortest of several runs."""
+    import time
+
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return float(np.min(times))
