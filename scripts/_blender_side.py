@@ -1,0 +1,411 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render script's dealings with Blender: the GPU, the extension, the scene, its settings, one frame."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+import sys
+import time
+import tomllib
+from argparse import Namespace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import bpy
+from _console import Console, Interrupts
+from _frame_files import RenderProblem, UsageProblem, disk_full, is_whole_picture
+from _gpu_start import max_picture_size
+from _video import escape
+from mathutils import Vector
+
+PACKAGE = "lake_water_addon"  # in a checkout
+EXTENSION = "lake_water"  # installed: bl_ext.<repository>.lake_water
+ENGINE = "LAKE_WATER"
+# Properties that options of the same name set. Their ranges and choices are stated where they are defined.
+SCENE_SETTINGS = ("technique", "samples", "fov_ext", "texture_size", "intersection_steps")
+WATER_SETTINGS = ("k", "q", "c", "water_color")
+DEMO_RESOLUTION = (960, 540)
+DEMO_FRAMES = 96
+
+
+def enabled_extension() -> str | None:
+    """The module name of an enabled Lake Water, None where this Blender has none.
+
+    The bpy wheel starts with factory preferences: nothing is enabled there.
+    """
+    for addon in bpy.context.preferences.addons:
+        if addon.module.rpartition(".")[2] in (EXTENSION, PACKAGE) and addon.module in sys.modules:
+            return addon.module
+    return None
+
+
+def load_package() -> ModuleType:
+    """The enabled extension, or the checkout's package, registered now."""
+    name = enabled_extension()
+    if name is not None:
+        return sys.modules[name]
+    package = importlib.import_module(PACKAGE)
+    package.register()
+    return package
+
+
+def part_of(package: ModuleType, name: str) -> ModuleType:
+    """A module of the extension, under whatever name that is installed."""
+    return importlib.import_module(f"{package.__name__}.{name}")
+
+
+@dataclass
+class Job:
+    """What is to be rendered. water: the scene's water objects; notes: what a person should know."""
+
+    package: ModuleType
+    scene: bpy.types.Scene
+    water: list[bpy.types.Object]
+    frames: list[int]
+    generated: bool
+    notes: list[str]
+
+    @property
+    def default_camera(self) -> str:
+        """What --camera is when it is not given."""
+        return "turntable" if self.generated else "scene"
+
+
+def prepare(package: ModuleType, options: Namespace) -> Job:
+    """Open or make the scene and put the options into it. Raises RenderProblem."""
+    blend = Path(bpy.data.filepath) if bpy.data.filepath and options.scene is None else options.scene
+    notes: list[str] = []
+    if blend is None:
+        lake = _demonstration_lake(package, options)
+    else:
+        if options.seed is not None or options.detail is not None:
+            raise UsageProblem(
+                f"--seed and --detail make the demonstration lake: leave them away with {blend}"
+            )
+        if options.scene is not None:
+            open_file(options.scene)
+        lake = None
+    scene = bpy.context.scene
+    try:
+        scene.render.engine = ENGINE
+    except TypeError:
+        raise RenderProblem(f"the render engine {ENGINE} is not registered: is Lake Water enabled?") from None
+    water = part_of(package, "water_objects").waters_of(scene)
+    frames = _frame_numbers(scene, options, lake is not None)
+    _apply_settings(scene, water, options)
+    if options.water_level is not None:
+        _set_water_level(scene, water, options.water_level)
+    if options.obj is not None:
+        _place_obj(package, scene, lake, water, options.obj)
+    _set_picture(scene, options, lake is not None, notes)
+    job = Job(package, scene, water, frames, lake is not None, notes)
+    if (options.camera or job.default_camera) == "turntable":
+        _set_turntable(job, lake)
+    elif scene.camera is None:
+        raise UsageProblem(
+            f'the scene "{scene.name}" has no camera: make one active there (Ctrl+0 on the numeric pad), '
+            "or give --camera turntable"
+        )
+    if not water:
+        notes.append(
+            "the scene has no water: it is rendered without (in Blender, Make Water turns a mesh into it)"
+        )
+    return job
+
+
+def open_file(path: Path) -> None:
+    """Open a .blend file. Raises RenderProblem."""
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
+    except RuntimeError as error:
+        reason = str(error).strip().removeprefix("Error: ")
+        raise UsageProblem(f"{path} cannot be opened ({reason}): give a .blend file") from None
+
+
+def _demonstration_lake(package: ModuleType, options: Namespace) -> Any:
+    """The generated lake (a LakeScene) in an otherwise empty file."""
+    values = {}
+    limits = bpy.ops.lake_water.add_lake.get_rna_type().properties
+    for name in ("seed", "detail"):
+        value = getattr(options, name)
+        if value is not None:
+            _require_range(limits[name], value, f"--{name}")
+            values[name] = value
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    try:
+        lake = part_of(package, "scenes").build_lake(scene, **values)
+    except ValueError as error:
+        raise UsageProblem(f"--seed, --detail: {error}") from None
+    scene.camera = lake.camera
+    return lake
+
+
+def _frame_numbers(scene: bpy.types.Scene, options: Namespace, generated: bool) -> list[int]:
+    """The frames to render; the scene's range is set to them."""
+    if options.frame_start is not None:
+        scene.frame_start = options.frame_start
+        if scene.frame_start != options.frame_start:
+            raise UsageProblem(f"--frame-start {options.frame_start} is beyond what Blender allows")
+    if options.frames is not None:
+        scene.frame_end = scene.frame_start + (options.frames - 1) * scene.frame_step
+    elif options.target.kind == "STILL":
+        scene.frame_end = scene.frame_start
+    elif generated:
+        scene.frame_end = scene.frame_start + DEMO_FRAMES - 1
+    if scene.frame_end < scene.frame_start:
+        raise UsageProblem(
+            f"the scene's frame range, {scene.frame_start} to {scene.frame_end}, is empty: give --frames"
+        )
+    return list(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
+
+
+def _require_range(prop: bpy.types.Property, value: Any, option: str) -> None:
+    """Refuse a value that Blender would clamp or does not know. Raises UsageProblem."""
+    if prop.type == "ENUM":
+        known = [item.identifier for item in prop.enum_items]
+        if value not in known:
+            raise UsageProblem(f"{option} {value}: choose one of {', '.join(known)}")
+        return
+    for number in value if isinstance(value, tuple) else (value,):
+        if not prop.hard_min <= number <= prop.hard_max:
+            raise UsageProblem(
+                f"{option} {number:g}: out of range, give {prop.hard_min:g} to {prop.hard_max:g}"
+            )
+
+
+def _apply_settings(scene: bpy.types.Scene, water: Sequence[bpy.types.Object], options: Namespace) -> None:
+    """Options of the same name as properties, into the scene's and every water object's settings."""
+    groups = [(scene.lake_water, SCENE_SETTINGS)] + [(obj.lake_water, WATER_SETTINGS) for obj in water]
+    if not water:
+        given = [name for name in (*WATER_SETTINGS, "water_level") if getattr(options, name) is not None]
+        if given:
+            raise UsageProblem(f"--{given[0].replace('_', '-')}: the scene has no water to set it on")
+    for group, names in groups:
+        for name in names:
+            value = getattr(options, name)
+            if value is None:
+                continue
+            option = f"--{name.replace('_', '-')}"
+            _require_range(group.bl_rna.properties[name], value, option)
+            try:
+                setattr(group, name, value)
+            except AttributeError:
+                raise UsageProblem(
+                    f"{option}: {group.id_data.name} is linked from another file and cannot be changed: "
+                    "make it local or a library override there"
+                ) from None
+    limit = max_picture_size()
+    if scene.lake_water.texture_size > limit:
+        raise UsageProblem(
+            f"--texture-size {scene.lake_water.texture_size}: this GPU draws at most {limit} pixels a side"
+        )
+
+
+def _set_water_level(scene: bpy.types.Scene, water: Sequence[bpy.types.Object], level: float) -> None:
+    """Move the one water surface to world z = level, metres."""
+    if len(water) != 1:
+        names = ", ".join(obj.name for obj in water)
+        raise UsageProblem(f"--water-level is for one water surface, and the scene has {len(water)}: {names}")
+    obj = water[0]
+    layer = scene.view_layers[0]
+    layer.update()
+    matrix = obj.matrix_world.copy()
+    matrix.translation.z = level
+    obj.matrix_world = matrix
+    layer.update()
+    reached = obj.evaluated_get(layer.depsgraph).matrix_world.translation.z
+    if not math.isclose(reached, level, rel_tol=1e-5, abs_tol=1e-4):
+        raise UsageProblem(
+            f"--water-level: {obj.name} stays at {reached:g} m, held by an animation, a constraint "
+            "or a driver: remove it in the scene"
+        )
+
+
+def _place_obj(
+    package: ModuleType, scene: bpy.types.Scene, lake: Any, water: Sequence[bpy.types.Object], path: Path
+) -> None:
+    """Stand an object in the water, half of it below, on the lake's stage or in the water's middle."""
+    if not water:
+        raise UsageProblem("--obj: the scene has no water to stand it in")
+    level = water[0].matrix_world.translation.z
+    scene.view_layers[0].update()
+    if lake is not None:
+        where = {"location": lake.stage, "collection": lake.collection}
+    else:
+        low, high = _bounds(water[:1])
+        where = {"location": (0.5 * (low + high))[:2], "height": min(2.5, 0.3 * min((high - low)[:2]))}
+    try:
+        part_of(package, "scenes").place_obj(scene, path, water_level=level, **where)
+    except ValueError as error:
+        raise UsageProblem(f"--obj: {error}") from None
+
+
+def _set_picture(scene: bpy.types.Scene, options: Namespace, generated: bool, notes: list[str]) -> None:
+    """Size, file format, and what of the scene would get in the way."""
+    render = scene.render
+    if options.resolution is not None or generated:
+        render.resolution_x, render.resolution_y = options.resolution or DEMO_RESOLUTION
+        render.resolution_percentage = 100
+    scale = render.resolution_percentage / 100.0
+    width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)
+    limit = max_picture_size()
+    if max(width, height) > limit:
+        raise UsageProblem(
+            f"{width}x{height} pixels: this GPU draws at most {limit} a side, give a smaller --resolution"
+        )
+    if render.use_border and render.use_crop_to_border:
+        width = int(render.border_max_x * width) - int(render.border_min_x * width)
+        height = int(render.border_max_y * height) - int(render.border_min_y * height)
+    if options.target.kind == "VIDEO" and (width % 2 or height % 2):
+        raise UsageProblem(
+            f"H.264 needs an even width and height, not {width}x{height}: give --resolution "
+            f"{width + width % 2}x{height + height % 2}"
+        )
+    if render.use_multiview:
+        render.use_multiview = False
+        notes.append("the scene is set to stereoscopy, which Lake Water does not draw: one view is rendered")
+    if render.use_sequencer and scene.sequence_editor is not None and len(scene.sequence_editor.strips):
+        render.use_sequencer = False
+        notes.append("the scene's video sequence is left out: the scene itself is rendered")
+    render.use_persistent_data = True  # the engine keeps what has not changed from frame to frame
+    render.use_file_extension = False  # the temporary names, as they are
+    image = render.image_settings
+    image.media_type = "IMAGE"
+    image.file_format = options.target.picture_format
+    image.color_management = "FOLLOW_SCENE"
+    see_through = render.film_transparent and not options.target.frames_are_temporary
+    image.color_mode = "RGBA" if see_through else "RGB"
+    if image.file_format == "PNG":
+        image.color_depth = "8"
+    else:
+        image.color_depth, image.exr_codec = "16", "ZIP"
+    # The times of the passes are measured only on request: waiting for the GPU between them costs time.
+    scene.lake_water.show_statistics = options.stats is not None
+
+
+def _bounds(objects: Sequence[bpy.types.Object]) -> tuple[Vector, Vector]:
+    """Lowest and highest corner of the objects' bounding boxes, world space, metres."""
+    corners = [obj.matrix_world @ Vector(corner) for obj in objects for corner in obj.bound_box]
+    low, high = (Vector(choose(corner[i] for corner in corners) for i in range(3)) for choose in (min, max))
+    return low, high
+
+
+def _set_turntable(job: Job, lake: Any) -> None:
+    """A camera that goes once round the lake, or round the scene's water, in the frames of the job."""
+    scene = job.scene
+    frames = len(job.frames) * scene.frame_step  # the turn takes as long as the whole range
+    animate = part_of(job.package, "scenes").animate_turntable
+    if lake is not None:
+        animate(
+            scene,
+            lake.camera,
+            center=lake.center,
+            radius=lake.orbit_radius,
+            height=lake.orbit_height,
+            look_height=lake.look_height,
+            frames=frames,
+        )
+        return
+    scene.view_layers[0].update()
+    shown = job.water or [o for o in scene.objects if o.type == "MESH" and not o.hide_render]
+    if not shown:
+        raise UsageProblem("--camera turntable: the scene has neither water nor a mesh to go round")
+    low, high = _bounds(shown)
+    radius = max(0.5 * (high - low).length, 0.1)
+    data = bpy.data.cameras.new("turntable")
+    data.clip_start, data.clip_end = 0.01 * radius, 100.0 * radius
+    camera = bpy.data.objects.new("turntable", data)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    animate(scene, camera, center=0.5 * (low + high), radius=1.6 * radius, height=0.6 * radius, frames=frames)
+
+
+def resolved_settings(job: Job, options: Namespace) -> dict[str, Any]:
+    """All that decides what the frames look like, as far as this script knows: for --resume and --stats."""
+    scene, render = job.scene, job.scene.render
+    blend = bpy.data.filepath
+    settings: dict[str, Any] = {
+        "scene": f"{blend} of {_stamp(Path(blend))}" if blend else "demonstration lake",
+        "frame start": job.frames[0],
+        "frame step": scene.frame_step,
+        "resolution": [render.resolution_x, render.resolution_y, render.resolution_percentage],
+        "format": render.image_settings.file_format,
+        "color mode": render.image_settings.color_mode,
+        "camera": options.camera or job.default_camera,
+        "extension": version_of(job.package),
+        "Blender": bpy.app.version_string,
+    }
+    if job.generated:
+        limits = bpy.ops.lake_water.add_lake.get_rna_type().properties
+        for name in ("seed", "detail"):
+            given = getattr(options, name)
+            settings[name] = limits[name].default if given is None else given
+    if settings["camera"] == "turntable":
+        settings["frames"] = len(job.frames)  # the camera's speed follows from it
+    for name in SCENE_SETTINGS:
+        settings[name] = _plain(getattr(scene.lake_water, name))
+    for obj in job.water:
+        for name in WATER_SETTINGS:
+            settings[f"{obj.name} {name}"] = _plain(getattr(obj.lake_water, name))
+        settings[f"{obj.name} level"] = _plain(obj.matrix_world.translation.z)
+    if options.obj is not None:
+        settings["obj"] = f"{options.obj} of {_stamp(options.obj)}"
+    return settings
+
+
+def _stamp(path: Path) -> str:
+    """Time and size of a file: another file under the same name has others."""
+    status = path.stat()
+    when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(status.st_mtime))
+    return f"{when}.{status.st_mtime_ns % 10**9:09d}, {status.st_size} bytes"
+
+
+def _plain(value: Any) -> Any:
+    """A property's value for JSON; float32 without the digits that it does not have."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    return value if isinstance(value, (int, str, bool)) else [_plain(item) for item in value]
+
+
+def version_of(package: ModuleType) -> str:
+    """The version in the extension's manifest: beside the package where installed, above it in a checkout."""
+    folder = Path(str(package.__file__)).parent
+    for manifest in (folder / "blender_manifest.toml", folder.parent / "blender_manifest.toml"):
+        if manifest.is_file():
+            return str(tomllib.loads(manifest.read_text(encoding="utf-8")).get("version", "unknown"))
+    return "unknown"
+
+
+def render_frame(
+    job: Job, frame: int, target: Path, console: Console, interrupts: Interrupts
+) -> dict[str, Any]:
+    """Render a frame to `target`, whole or not at all. Returns the engine's report. Raises RenderProblem."""
+    part = target.with_name(f".{target.stem}.part{target.suffix}")
+    scene = job.scene
+    with interrupts.after(part):
+        try:
+            problem = ""
+            with console.quiet():
+                scene.frame_set(frame)
+                scene.render.filepath = escape(part)
+                try:
+                    bpy.ops.render.render(write_still=True, scene=scene.name)
+                except RuntimeError as error:
+                    problem = str(error).strip().removeprefix("Error: ")
+            report = part_of(job.package, "engine").last_render_report()
+            if report is None:
+                raise RenderProblem(f"frame {frame}: {problem or 'Lake Water was not asked to draw it'}")
+            if report["error"] or problem:
+                raise RenderProblem(f"frame {frame}: {report['error'] or problem}")
+            if not is_whole_picture(part):
+                raise RenderProblem(f"frame {frame}: {disk_full(target)}")
+            os.replace(part, target)
+        finally:
+            part.unlink(missing_ok=True)
+    return report

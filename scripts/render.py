@@ -1,0 +1,495 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+# /// script
+# requires-python = "==3.13.*"
+# dependencies = ["bpy==5.2.*"]
+# ///
+"""Renders lake water with no screen: a video, a sequence of pictures, a contact sheet.
+
+    blender -b [scene.blend] -P scripts/render.py -- [options]
+    .venv/bin/python scripts/render.py [scene.blend] [options]
+    uv run scripts/render.py [scene.blend] [options]
+
+Without a scene it makes the demonstration lake. It works from a checkout with nothing
+installed, and takes the installed extension where Blender has one enabled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+SCRIPTS = Path(__file__).resolve().parent
+CHECKOUT = SCRIPTS.parent
+for _folder in (str(CHECKOUT), str(SCRIPTS)):
+    if _folder not in sys.path:
+        sys.path.insert(0, _folder)
+
+from _console import STOPPED, Console, Interrupted, Interrupts, Progress, duration  # noqa: E402 - after the path
+from _frame_files import (  # noqa: E402
+    Output,
+    Record,
+    RenderProblem,
+    UsageProblem,
+    absolute,
+    parse_output,
+    remove_empty,
+    require_file_name,
+    require_writable,
+    write_text,
+)
+
+if TYPE_CHECKING:
+    from _blender_side import Job
+
+EPILOG = """\
+exit status:
+  0 done; 2 wrong command line, or a file, folder or camera that it names is not usable;
+  1 something failed later; 130 Ctrl-C; 143 terminated
+
+Frames are written under another name and renamed when they are whole. Whatever happens,
+the same command with --resume goes on with the first missing one.
+"""
+
+
+def script_arguments() -> list[str]:
+    """The arguments that are meant for this script: after `--` in Blender, all of them on the wheel."""
+    if "bpy" in sys.modules and sys.modules["bpy"].app.binary_path:
+        return sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+    arguments = sys.argv[1:]
+    return arguments[1:] if arguments[:1] == ["--"] else arguments
+
+
+def number(text: str) -> float:
+    """A finite decimal number."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
+    return value
+
+
+def count(text: str) -> int:
+    """A whole number of at least 1."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is too small, give at least 1")
+    return value
+
+
+def size(text: str) -> tuple[int, int]:
+    """Two whole numbers of at least 1 with an x between them."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(p.isascii() and p.isdigit() for p in parts):
+        raise argparse.ArgumentTypeError(f"{text!r}: give two whole numbers like 640x480")
+    first, second = int(parts[0]), int(parts[1])
+    if not first or not second:
+        raise argparse.ArgumentTypeError(f"{text}: both numbers must be at least 1")
+    return first, second
+
+
+def color(text: str) -> tuple[float, float, float]:
+    """Three numbers with commas between them."""
+    try:
+        r, g, b = (number(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: give three numbers like 0,0.2,0.1") from None
+    return r, g, b
+
+
+def readable_file(text: str) -> Path:
+    """A file that can be opened and is not empty."""
+    path = Path(text).expanduser().absolute()
+    try:
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise argparse.ArgumentTypeError(f"{path} is empty: give another file")
+    except OSError as error:
+        reason = f"{path} cannot be read ({error.strerror}): check the path"
+        raise argparse.ArgumentTypeError(reason) from None
+    return path
+
+
+def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
+    """The command line. techniques: the identifiers to choose from."""
+    parser = argparse.ArgumentParser(
+        prog="render.py",
+        description=(__doc__ or "").split("\n\n")[0],
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add(
+        "scene",
+        nargs="?",
+        type=readable_file,
+        metavar="scene.blend",
+        help="scene; without it the demonstration lake",
+    )
+    add(
+        "--output",
+        metavar="PATH",
+        help="FILE.mp4 (H.264), a folder, name_####.png or name_####.exr, or one picture",
+    )
+    add("--format", choices=("png", "exr"), help="pictures in a folder (default: png)")
+    add(
+        "--contact-sheet",
+        metavar="FILE.png",
+        help="frames side by side; without --output only these are rendered",
+    )
+    add(
+        "--contact-grid",
+        type=size,
+        default=(3, 4),
+        metavar="ROWSxCOLUMNS",
+        help="of the contact sheet (default: 3x4)",
+    )
+    add("--stats", metavar="FILE.json", help="write times, settings and versions")
+    add("--resume", action="store_true", help="keep the frames that are done, render the missing ones")
+    add("--verbose", action="store_true", help="show what Blender prints")
+
+    group = parser.add_argument_group(
+        "frames", "default: the scene's own; 96 frames of 960x540 for the demonstration lake"
+    )
+    add = group.add_argument
+    add("--frames", type=count, metavar="N", help="how many")
+    add("--frame-start", type=int, metavar="N", help="number of the first one")
+    add("--resolution", type=size, metavar="WxH", help="pixels")
+    add("--samples", type=count, metavar="N", help="antialiasing: pictures that are averaged for one frame")
+    add(
+        "--camera",
+        choices=("turntable", "scene"),
+        help="go once round the lake or the water, or the scene's camera",
+    )
+
+    group = parser.add_argument_group("water", "default: the scene's own")
+    add = group.add_argument
+    add(
+        "--technique",
+        type=lambda text: text.upper().replace("-", "_"),
+        choices=techniques,
+        help="how it is computed",
+    )
+    add("--k", type=number, metavar="K", help="attenuation, 1/m")
+    add("--q", type=number, metavar="Q", help="exponent of the Fresnel term")
+    add("--c", type=number, metavar="C", help="offset of the reflection lookup, m")
+    add(
+        "--fov-ext",
+        type=number,
+        metavar="F",
+        help="how much wider the textures see than the camera, at least 1",
+    )
+    add("--water-color", type=color, metavar="R,G,B", help="of deep water, scene-linear")
+    add(
+        "--texture-size",
+        type=count,
+        metavar="N",
+        help="width and height of the refraction and reflection textures",
+    )
+    add(
+        "--intersection-steps",
+        type=count,
+        metavar="N",
+        help="of the search for the bottom along a refracted ray",
+    )
+    add("--water-level", type=number, metavar="Z", help="height of the water plane, m")
+    add(
+        "--obj",
+        type=readable_file,
+        metavar="FILE",
+        help="Wavefront OBJ to stand in the water, half of it below",
+    )
+
+    group = parser.add_argument_group("demonstration lake")
+    add = group.add_argument
+    add("--seed", type=int, metavar="N", help="another number gives another lake")
+    add("--detail", type=number, metavar="D", help="1 is full detail (about 131,000 vertices)")
+    return parser
+
+
+def technique_names() -> list[str]:
+    """The techniques of the extension that is going to be used, without starting Blender for it."""
+    package = "lake_water_addon"
+    if "bpy" in sys.modules:
+        from _blender_side import enabled_extension
+
+        package = enabled_extension() or package
+    return list(__import__(f"{package}.core.techniques", fromlist=["TECHNIQUES"]).TECHNIQUES)
+
+
+def check_scene(options: argparse.Namespace) -> None:
+    """What can be said of the options among themselves. Raises UsageProblem."""
+    if options.scene is not None and options.scene.suffix.lower() != ".blend":
+        raise UsageProblem(
+            f"{options.scene} is no .blend file: give one, or the option that the value is for"
+        )
+    if options.obj is not None and options.obj.suffix.lower() != ".obj":
+        raise UsageProblem(f"--obj {options.obj}: give a Wavefront file, its name ending in .obj")
+
+
+def check_places(options: argparse.Namespace, base: Path) -> list[Path]:
+    """Find out where everything goes, and that it can be written. Returns the folders made for it.
+
+    Puts the results into the options: target, and paths for contact_sheet and stats. Raises RenderProblem.
+    """
+    if options.contact_sheet is not None and not options.contact_sheet.lower().endswith(".png"):
+        raise UsageProblem(f"--contact-sheet {options.contact_sheet}: give a name that ends in .png")
+    target = options.target = parse_output(options.output, options.contact_sheet, options.format, base)
+    if target.kind == "STILL":
+        if options.frames not in (None, 1):
+            raise UsageProblem(
+                f"--output {options.output} is one picture and --frames asks for {options.frames}: put #### "
+                f"into the name, such as {target.prefix}_####{target.suffix}"
+            )
+        if options.resume:
+            raise UsageProblem(f"--resume is for a video or a sequence, and {options.output} is one picture")
+    made: list[Path] = []
+    for name in ("contact_sheet", "stats"):
+        value = getattr(options, name)
+        if value is not None:
+            path = absolute(value, base)
+            setattr(options, name, path)
+            require_file_name(path, f"--{name.replace('_', '-')}")
+            made = require_writable(path.parent, f"--{name.replace('_', '-')}") + made
+    if target.kind != "SEQUENCE":
+        require_file_name(target.path, "--output" if options.output else "--contact-sheet")
+        made = require_writable(target.path.parent, "--output") + made
+    return require_writable(target.folder, "--output") + made
+
+
+def import_blender() -> None:
+    """Import bpy on the wheel; in Blender it is there. Raises RenderProblem."""
+    try:
+        import bpy
+    except ImportError as error:
+        remedy = "run make setup and use .venv/bin/python, or uv run scripts/render.py"
+        if error.name != "bpy":
+            remedy = "a system library is missing: make setup says which and installs it"
+        raise RenderProblem(f"Blender cannot be loaded ({error}): {remedy}") from None
+    if bpy.app.version[:2] < (5, 2):
+        raise RenderProblem(f"this is Blender {bpy.app.version_string}: Lake Water needs 5.2 or later")
+    if not bpy.app.background:
+        raise UsageProblem(
+            "Blender has its window open: start it with -b, as in blender -b -P scripts/render.py"
+        )
+
+
+class Statistics:
+    """What --stats writes: every frame's times, their medians, settings, versions, the machine."""
+
+    def __init__(self) -> None:
+        self.data: dict[str, Any] = {"outcome": "failed", "frames": []}
+        self.started = time.monotonic()
+
+    def describe(self, job: Job, settings: dict[str, Any]) -> None:
+        """All that is known before the first frame."""
+        import bpy
+        from _gpu_start import machine
+
+        self.data |= {
+            "settings": settings,
+            "frames_requested": len(job.frames),
+            "extension": job.package.__name__,
+            "versions": {
+                "lake_water": settings["extension"],
+                "blender": bpy.app.version_string,
+                "python": platform.python_version(),
+            },
+            "machine": {**machine(), "system": platform.platform(), "cpus": os.cpu_count()},
+            "notes": list(job.notes),
+        }
+
+    def add(self, frame: int, seconds: float, report: dict[str, Any]) -> None:
+        """One rendered frame. seconds: all of it, with Blender's own work and the writing of the file."""
+        notes = self.data["notes"]
+        notes.extend(note for note in report["notes"] if note not in notes)
+        kept = {key: value for key, value in report.items() if key not in ("notes", "error")}
+        self.data["frames"].append({"frame": frame, "total_s": seconds, **kept})
+
+    def write(self, path: Path) -> None:
+        """Write the file; the medians leave out the first frame, which compiles the shaders.
+
+        Raises RenderProblem.
+        """
+        frames = self.data["frames"]
+        steady = frames[1:] or frames
+        if steady:
+            times = ("total_s", "frame_s", "extraction_s", "planning_s")
+            passes = sorted({name for frame in steady for name in frame["passes"]})
+            self.data["median"] = {
+                "of_frames": len(steady),
+                **{name: median(frame[name] for frame in steady) for name in times},
+                "passes": {
+                    name: median(frame["passes"].get(name, 0.0) for frame in steady) for name in passes
+                },
+            }
+        self.data["elapsed_s"] = time.monotonic() - self.started
+        write_text(path, json.dumps(self.data, indent=1) + "\n")
+
+
+@dataclass
+class Context:
+    """What accompanies a run from start to end."""
+
+    console: Console
+    interrupts: Interrupts
+    statistics: Statistics = field(default_factory=Statistics)
+    empty_folders: list[Path] = field(default_factory=list)
+
+
+def render_frames(job: Job, record: Record, chosen: list[int], context: Context) -> None:
+    """Render those of the chosen frames that are missing. Raises RenderProblem, Interrupted."""
+    from _blender_side import render_frame
+
+    output, console = record.output, context.console
+    missing = [frame for frame in chosen if frame not in record.done]
+    progress = Progress(console.out, len(missing))
+    context.interrupts.say = progress.line
+    told: set[str] = set()
+    progress.start()
+    try:
+        for frame in missing:
+            context.interrupts.check()
+            start = time.monotonic()
+            report = render_frame(job, frame, output.frame(frame), console, context.interrupts)
+            record.done.add(frame)
+            if output.kind != "STILL":
+                record.write()
+            context.statistics.add(frame, time.monotonic() - start, report)
+            for note in report["notes"]:
+                if note not in told:
+                    told.add(note)
+                    progress.line(f"note: {note}")
+            progress.step(frame)
+    finally:
+        progress.close()
+    context.interrupts.check()
+
+
+def make_video(job: Job, output: Output, context: Context) -> None:
+    """Encode the frames. Raises RenderProblem."""
+    from _video import encode
+
+    with context.console.quiet():
+        encode(output.path, [output.frame(frame) for frame in job.frames], job.scene, context.interrupts)
+
+
+def make_sheet(
+    job: Job, output: Output, chosen: list[int], options: argparse.Namespace, context: Context
+) -> None:
+    """Write the contact sheet of frames that are done. Raises RenderProblem."""
+    import _contact_sheet
+
+    with context.console.quiet():
+        _contact_sheet.write(
+            options.contact_sheet, [output.frame(frame) for frame in chosen], options.contact_grid, job.scene
+        )
+
+
+def run(options: argparse.Namespace, context: Context) -> None:
+    """Do what the options ask for. Raises RenderProblem, Interrupted."""
+    blender = sys.modules.get("bpy")
+    opened = options.scene or (Path(blender.data.filepath) if blender and blender.data.filepath else None)
+    base = opened.parent if opened else Path.cwd()
+    check_scene(options)
+    context.empty_folders = check_places(options, base)
+    output: Output = options.target
+    if options.resume and output.kind == "VIDEO" and output.path.exists() and not output.record.exists():
+        context.console.out.write(f"{output.path} is finished; leave --resume away to render it again\n")
+        return
+
+    import_blender()
+    import _blender_side
+    import _gpu_start
+    from _contact_sheet import choose
+
+    _gpu_start.require_gpu(context.console)
+    package = _blender_side.load_package()
+    with context.console.quiet():
+        job = _blender_side.prepare(package, options)
+    context.interrupts.check()
+    for note in job.notes:
+        context.console.warn(f"note: {note}")
+
+    settings = _blender_side.resolved_settings(job, options)
+    context.statistics.describe(job, settings)
+    record = Record(output, settings)
+    if options.resume and record.resume(job.frames):
+        kept = len(record.done.intersection(job.frames))
+        context.console.out.write(f"resuming: {kept} of {len(job.frames)} frames are there\n")
+    if output.kind != "STILL":
+        record.write()  # from here on, frames of an older render under the same names do not count
+
+    sheet = choose(job.frames, *options.contact_grid) if options.contact_sheet else []
+    start = time.monotonic()
+    try:
+        render_frames(job, record, sheet if output.kind == "SHEET" else job.frames, context)
+    except BaseException:
+        if not record.done and output.kind != "STILL":
+            record.remove_frames()  # nothing to resume
+        raise
+    if output.kind == "VIDEO":
+        make_video(job, output, context)
+    if options.contact_sheet:
+        make_sheet(job, output, sheet, options, context)
+    if output.frames_are_temporary:
+        record.remove_frames()
+    made = [output.path] + (
+        [options.contact_sheet] if options.contact_sheet not in (None, output.path) else []
+    )
+    context.console.out.write(
+        f"{' and '.join(map(str, made))}: done in {duration(time.monotonic() - start)}\n"
+    )
+
+
+def main() -> int:
+    """Returns the exit status."""
+    context = Context(Console(verbose=False), Interrupts())
+    context.interrupts.install()
+    options: argparse.Namespace | None = None
+    statistics = context.statistics
+    try:
+        parser = build_parser(technique_names())
+        options = parser.parse_args(script_arguments())
+        context.console.verbose = options.verbose
+        run(options, context)
+        statistics.data["outcome"] = "finished"
+        status = 0
+    except RenderProblem as problem:
+        context.console.warn(f"error: {problem}")
+        statistics.data["error"] = str(problem)
+        status = problem.exit_code
+    except (Interrupted, KeyboardInterrupt) as interrupt:
+        context.console.warn(STOPPED)
+        statistics.data["outcome"] = "interrupted"
+        status = 128 + getattr(interrupt, "signum", signal.SIGINT)
+    except Exception as error:  # a fault of ours: say where
+        traceback.print_exc()
+        context.console.warn(
+            f"error: {type(error).__name__}: {error}; this is a fault of the script, please report it"
+        )
+        statistics.data["error"] = f"{type(error).__name__}: {error}"
+        status = 1
+    if options is not None and isinstance(options.stats, Path) and "machine" in statistics.data:
+        try:
+            statistics.write(options.stats)
+        except RenderProblem as problem:
+            context.console.warn(f"error: {problem}")
+            status = status or 1
+    remove_empty(context.empty_folders)
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main())
