@@ -273,10 +273,14 @@ def test_a_change_from_python_reaches_the_evaluated_scene() -> None:
             change()
             assert evaluated_settings(obj) == water_objects.settings_of(obj)
             assert obj.name in changed
-        changed.clear()
-        scene.lake_water.fov_ext = 1.25
-        bpy.context.view_layer.update()
-        assert scene.name in changed
+        for change in (
+            lambda: setattr(scene.lake_water, "fov_ext", 1.25),
+            bpy.ops.lake_water.reset_parameters,
+        ):
+            changed.clear()
+            change()
+            bpy.context.view_layer.update()
+            assert scene.name in changed
     finally:
         handlers.unsubscribe(listener)
 

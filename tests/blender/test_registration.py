@@ -41,7 +41,9 @@ def blender_state() -> dict[str, object]:
 def unregistered() -> Iterator[dict[str, object]]:
     """The state of Blender without the extension, which the session's fixture has registered."""
     lake_water_addon.unregister()
-    yield blender_state()
+    state = blender_state()
+    assert state["operators"] == [] and state["panels of the engine"] == [], "unregister() left something"
+    yield state
     if not hasattr(bpy.types.Scene, "lake_water"):
         lake_water_addon.register()
 
