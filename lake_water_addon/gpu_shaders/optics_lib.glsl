@@ -36,9 +36,10 @@ vec3 reflect_upwards(vec3 incident, vec3 normal)
   return normalize(r);
 }
 
+// pow(0, 0) is undefined in GLSL, and q may be 0: the base stays just above it.
 float schlick(float cosine, float f, float q)
 {
-  return f + (1.0 - f) * pow(1.0 - clamp(cosine, 0.0, 1.0), q);
+  return f + (1.0 - f) * pow(max(1.0 - clamp(cosine, 0.0, 1.0), 1e-30), q);
 }
 
 float attenuation(float k, float distance_in_water)
