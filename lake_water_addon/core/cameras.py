@@ -14,6 +14,9 @@ from .optics import refract_direction
 
 UP = np.array([0.0, 0.0, 1.0])
 
+MIN_W = 1e-6
+"""Least clip w that a lookup divides by: what lies behind a camera must not turn up in its picture."""
+
 
 def is_orthographic(projection: np.ndarray) -> bool:
     """True when clip w does not depend on the point."""
@@ -33,8 +36,13 @@ def to_ndc(projection: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def to_texture(projection: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """T of the thesis: texture coordinates (..., 2) in 0..1 of camera-space points (..., 3)."""
-    return 0.5 * to_ndc(projection, points)[..., :2] + 0.5
+    """T of the thesis: texture coordinates (..., 2), 0..1 inside, of camera-space points (..., 3).
+
+    A point beside or behind the camera gets coordinates far outside, on its own side.
+    """
+    clip = points @ projection[:2, :3].T + projection[:2, 3]
+    w = points @ projection[3, :3] + projection[3, 3]
+    return 0.5 * clip / np.maximum(w, MIN_W)[..., None] + 0.5
 
 
 def ray_through(projection: np.ndarray, ndc: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,7 +4,8 @@
 float bottom_depth(vec2 uv)
 {
   ivec2 size = textureSize(refraction_depth, 0);
-  return texelFetch(refraction_depth, clamp(ivec2(uv * vec2(size)), ivec2(0), size - 1), 0).r;
+  // Clamped before the conversion: integers overflow far outside the texture.
+  return texelFetch(refraction_depth, min(ivec2(clamp(uv, 0.0, 1.0) * vec2(size)), size - 1), 0).r;
 }
 
 #include "intersection_lib.glsl"
