@@ -6,8 +6,7 @@ void main()
 {
   vec3 direction = -pass_view.eye.xyz;
   if (pass_view.eye.w < 0.5) {
-    vec4 far_point = pass_view.clip_to_world * vec4(v_ndc, 1.0, 1.0);
-    direction = far_point.xyz / far_point.w - pass_view.eye.xyz;
+    direction = (pass_view.clip_to_direction * vec4(v_ndc, 1.0, 1.0)).xyz;
   }
   out_color = vec4(sky_radiance(normalize(direction)), 1.0);
 }

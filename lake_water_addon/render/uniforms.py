@@ -52,6 +52,17 @@ def lights(snapshot: SceneSnapshot) -> list[np.ndarray]:
     ]
 
 
+def clip_to_direction(view_matrix: np.ndarray, projection: np.ndarray) -> np.ndarray:
+    """(4, 4) of a perspective camera: its xyz of (x, y, 1, 1) is the direction of sight at (x, y), not unit.
+
+    Without the camera's place and without a division by w, whose digits cancel in float32 when the
+    clip range is long: the far plane would be beyond what it resolves.
+    """
+    rotation = np.eye(4)
+    rotation[:3, :3] = view_matrix[:3, :3]
+    return np.linalg.inv(projection @ rotation)
+
+
 def view(view_matrix: np.ndarray, projection: np.ndarray, keep: int = 0, clip_height: float = 0.0) -> list[np.ndarray]:
     """Members of struct View."""
     if cameras.is_orthographic(projection):
@@ -61,7 +72,7 @@ def view(view_matrix: np.ndarray, projection: np.ndarray, keep: int = 0, clip_he
     return [
         view_matrix.T,
         projection.T,
-        np.linalg.inv(projection @ view_matrix).T,
+        clip_to_direction(view_matrix, projection).T,
         eye,
         np.array([keep, clip_height, 0.0, 0.0]),
     ]
