@@ -17,6 +17,7 @@ from types import ModuleType
 from typing import Any
 
 import bpy
+import numpy as np
 from _console import Console, Interrupts
 from _frame_files import RenderProblem, UsageProblem, disk_full, is_whole_picture
 from _gpu_start import max_picture_size
@@ -173,7 +174,9 @@ def _require_range(prop: bpy.types.Property, value: Any, option: str) -> None:
             raise UsageProblem(f"{option} {value}: choose one of {', '.join(known)}")
         return
     for number in value if isinstance(value, tuple) else (value,):
-        if not prop.hard_min <= number <= prop.hard_max:
+        if (
+            not prop.hard_min <= np.float32(number) <= prop.hard_max
+        ):  # Blender holds limits and values as float32
             raise UsageProblem(
                 f"{option} {number:g}: out of range, give {prop.hard_min:g} to {prop.hard_max:g}"
             )
@@ -250,7 +253,11 @@ def _set_picture(scene: bpy.types.Scene, options: Namespace, generated: bool, no
     """Size, file format, and what of the scene would get in the way."""
     render = scene.render
     if options.resolution is not None or generated:
-        render.resolution_x, render.resolution_y = options.resolution or DEMO_RESOLUTION
+        for name, pixels in zip(
+            ("resolution_x", "resolution_y"), options.resolution or DEMO_RESOLUTION, strict=True
+        ):
+            _require_range(render.bl_rna.properties[name], pixels, "--resolution")
+            setattr(render, name, pixels)
         render.resolution_percentage = 100
     scale = render.resolution_percentage / 100.0
     width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)

@@ -25,7 +25,8 @@ STOPPED = "stopped; the same command with --resume goes on with the first missin
 # What Blender and Mesa say although all is well; whatever else they say is passed on.
 NOISE = re.compile(
     r"EGL Error \(0x(3009|300C)\)|^(\S+ +)?render +\| (Saved|Video append)|^(\S+ +)?blend +\| Read blend|"
-    r"^Fra:\d|^Saved: |^ *Time: [\d:.]+ \(Saving|^Info: "
+    r"^Fra:\d|^Saved: |^ *Time: [\d:.]+ \(Saving|^Info: |"
+    r"^(\S+ +)?color_management +\| Using OCIO"
 )
 
 RECENT = 20  # frames that the estimate looks back on: the first one is slower, it compiles the shaders

@@ -9,7 +9,7 @@ import sys
 import tempfile
 import warnings
 
-from _console import Console
+from _console import NOISE, Console
 from _frame_files import RenderProblem
 
 PROBE_SECONDS = 60
@@ -60,9 +60,11 @@ def _try_in_child() -> None:
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGALRM:
         return  # hung, which a fork may do where the GPU itself works: the process itself tries next
     if status != 0:
-        lines = [line.strip() for line in text.splitlines() if "0x300C" not in line and line.strip()]
-        told = [line for line in lines if "EGL" in line or "GL" in line] or lines
-        raise RenderProblem(NO_GPU.format(detail=told[-1].rstrip(".") if told else "the driver crashed"))
+        lines = [line.strip() for line in text.splitlines() if line.strip() and not NOISE.search(line)]
+        told = [line for line in lines if "GL" in line] or lines
+        raise RenderProblem(
+            NO_GPU.format(detail=told[-1].rstrip(".") if told else "the system's driver gave none")
+        )
 
 
 def max_picture_size() -> int:

@@ -108,15 +108,14 @@ def color(text: str) -> tuple[float, float, float]:
 
 
 def readable_file(text: str) -> Path:
-    """A file that can be opened and is not empty."""
+    """The path of a file that can be opened and is not empty. Raises UsageProblem."""
     path = Path(text).expanduser().absolute()
     try:
         with path.open("rb") as file:
             if not file.read(1):
-                raise argparse.ArgumentTypeError(f"{path} is empty: give another file")
+                raise UsageProblem(f"{path} is empty: give another file")
     except OSError as error:
-        reason = f"{path} cannot be read ({error.strerror}): check the path"
-        raise argparse.ArgumentTypeError(reason) from None
+        raise UsageProblem(f"{path} cannot be read ({error.strerror}): check the path") from None
     return path
 
 
@@ -133,7 +132,6 @@ def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
     add(
         "scene",
         nargs="?",
-        type=readable_file,
         metavar="scene.blend",
         help="scene; without it the demonstration lake",
     )
@@ -228,8 +226,14 @@ def technique_names() -> list[str]:
     return list(__import__(f"{package}.core.techniques", fromlist=["TECHNIQUES"]).TECHNIQUES)
 
 
-def check_scene(options: argparse.Namespace) -> None:
-    """What can be said of the options among themselves. Raises UsageProblem."""
+def check_inputs(options: argparse.Namespace) -> None:
+    """Open the files that are named, and make their names paths. Raises UsageProblem.
+
+    Not while the command line is taken apart: the value of a mistyped option looks like a scene there.
+    """
+    for name in ("scene", "obj"):
+        if getattr(options, name) is not None:
+            setattr(options, name, readable_file(getattr(options, name)))
     if options.scene is not None and options.scene.suffix.lower() != ".blend":
         raise UsageProblem(
             f"{options.scene} is no .blend file: give one, or the option that the value is for"
@@ -268,10 +272,11 @@ def check_places(options: argparse.Namespace, base: Path) -> list[Path]:
     return require_writable(target.folder, "--output") + made
 
 
-def import_blender() -> None:
+def import_blender(console: Console) -> None:
     """Import bpy on the wheel; in Blender it is there. Raises RenderProblem."""
     try:
-        import bpy
+        with console.quiet():
+            import bpy
     except ImportError as error:
         remedy = "run make setup and use .venv/bin/python, or uv run scripts/render.py"
         if error.name != "bpy":
@@ -399,17 +404,17 @@ def make_sheet(
 
 def run(options: argparse.Namespace, context: Context) -> None:
     """Do what the options ask for. Raises RenderProblem, Interrupted."""
+    check_inputs(options)
     blender = sys.modules.get("bpy")
     opened = options.scene or (Path(blender.data.filepath) if blender and blender.data.filepath else None)
     base = opened.parent if opened else Path.cwd()
-    check_scene(options)
     context.empty_folders = check_places(options, base)
     output: Output = options.target
     if options.resume and output.kind == "VIDEO" and output.path.exists() and not output.record.exists():
         context.console.out.write(f"{output.path} is finished; leave --resume away to render it again\n")
         return
 
-    import_blender()
+    import_blender(context.console)
     import _blender_side
     import _gpu_start
     from _contact_sheet import choose

@@ -1,0 +1,378 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/render.py as a person runs it: a process of its own, judged by exit status, messages and files."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
+SCRIPT = SCRIPTS / "render.py"
+SIZE = (64, 48)
+
+
+@pytest.fixture(scope="module")
+def frame_files() -> Iterator[ModuleType]:
+    """The script's helper module of that name, which needs no Blender."""
+    sys.path.insert(0, str(SCRIPTS))
+    import _frame_files
+
+    yield _frame_files
+    sys.path.remove(str(SCRIPTS))
+
+
+@pytest.fixture(scope="module")
+def scenes(
+    bpy_module: ModuleType, registered_addon: ModuleType, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, Path]:
+    """Small files: "pool" (water over a striped bottom, camera, 3 frames), "dry" and "blind" (no camera)."""
+    from mathutils import Matrix, Vector
+
+    from lake_water_addon.water_objects import create_water, waters_of
+
+    bpy = bpy_module
+    folder = tmp_path_factory.mktemp("scenes")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.frame_end = 3
+    for i in range(8):
+        bpy.ops.mesh.primitive_cube_add(size=1.0, location=(i - 3.5, 0.0, -1.5 + 0.2 * (i % 2)))
+        bpy.context.object.scale = (1.0, 8.0, 1.0)
+        material = bpy.data.materials.new(f"stripe {i}")
+        shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+        shader.inputs["Base Color"].default_value = ((0.8, 0.2, 0.1, 1.0), (0.9, 0.9, 0.8, 1.0))[i % 2]
+        bpy.context.object.data.materials.append(material)
+    create_water("Pool", 8.0, 8.0, scene.collection)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    scene.collection.objects.link(sun)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    place = Vector((0.0, -9.0, 4.0))
+    camera.matrix_world = Matrix.Translation(place) @ (-place).to_track_quat("-Z", "Y").to_matrix().to_4x4()
+
+    paths = {name: folder / f"{name}.blend" for name in ("pool", "dry", "blind")}
+    bpy.ops.wm.save_as_mainfile(filepath=str(paths["pool"]), copy=True)
+    scene.camera = None
+    bpy.ops.wm.save_as_mainfile(filepath=str(paths["blind"]), copy=True)
+    scene.camera = camera
+    for water in waters_of(scene):
+        bpy.data.objects.remove(water)
+    bpy.ops.wm.save_as_mainfile(filepath=str(paths["dry"]), copy=True)
+    return paths
+
+
+def command(*arguments: object) -> list[str]:
+    """The command line of a render with one sample a pixel."""
+    return [sys.executable, str(SCRIPT), *map(str, arguments)]
+
+
+def render(*arguments: object, folder: Path, status: int = 0, **options: object) -> str:
+    """Run the script in `folder`; returns what it said. Fails unless it ends with `status`."""
+    result = subprocess.run(
+        command(*arguments), cwd=folder, capture_output=True, text=True, timeout=120, check=False, **options
+    )
+    said = result.stdout + result.stderr
+    assert result.returncode == status, f"exit status {result.returncode}, expected {status}:\n{said}"
+    assert "Traceback" not in said, said
+    return said
+
+
+def files(folder: Path) -> list[str]:
+    """Names of the files below a folder, hidden ones included."""
+    return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
+
+
+def pixels(bpy: ModuleType, path: Path) -> np.ndarray:
+    """(h, w, 3) of a picture file, top row first."""
+    image = bpy.data.images.load(str(path))
+    width, height = image.size
+    values = np.empty(width * height * 4, dtype=np.float32)
+    image.pixels.foreach_get(values)
+    bpy.data.images.remove(image)
+    return values.reshape(height, width, 4)[::-1, :, :3]
+
+
+# The command line: refused before Blender is loaded
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("--outptu x", r"unrecognized arguments: --outptu"),
+        ("", r"nothing to make: give --output"),
+        ("--output x --frames 0", r"--frames: 0 is too small"),
+        ("--output x --resolution 0x48", r"--resolution: 0x48: both numbers must be at least 1"),
+        ("--output x --resolution 64", r"--resolution: '64': give two whole numbers like 640x480"),
+        ("--output x --k nan", r"--k: nan is not a finite number"),
+        ("--output x --water-color 0,1", r"--water-color: '0,1': give three numbers"),
+        ("--output x --technique SEA", r"--technique: invalid choice: 'SEA' \(choose from .*LAKE"),
+        ("--output x.mov", r"\.mov is not written; give FILE\.mp4"),
+        ("--output x.png --frames 2", r"x\.png is one picture .*x_####\.png"),
+        ("--output a#b#.png", r"put the frame number in one place"),
+        ("--output x --contact-sheet y.jpg", r"--contact-sheet y\.jpg: give a name that ends in \.png"),
+        ("--output file/x.mp4", r"--output .*file cannot be written .*: choose another folder"),
+        ("--output x --stats file/s.json", r"--stats .*file cannot be written"),
+        ("--output x --obj none.obj", r"none\.obj cannot be read .*check the path"),
+        ("--output x --obj empty.obj", r"empty\.obj is empty"),
+        ("none.blend --output x", r"none\.blend cannot be read .*check the path"),
+    ],
+)
+def test_wrong_command_line_is_refused_with_a_remedy(tmp_path: Path, arguments: str, message: str) -> None:
+    (tmp_path / "file").write_text("in the way of a folder")
+    (tmp_path / "empty.obj").touch()
+    before = files(tmp_path)
+    said = render(*arguments.split(), folder=tmp_path, status=2)
+    assert re.search(message, said), said
+    assert files(tmp_path) == before
+    assert not (tmp_path / "x").exists(), "an empty folder is left behind"
+
+
+# What only Blender can tell
+
+
+@pytest.mark.parametrize(
+    ("scene", "arguments", "message"),
+    [
+        ("pool", "--k 1001", r"--k 1001: out of range, give 0 to 1000"),
+        ("pool", "--resolution 2x8", r"--resolution 2: out of range, give 4 to 65536"),
+        ("pool", "--resolution 65536x8", r"65536x8 pixels: this GPU draws at most \d+ a side"),
+        (
+            "pool",
+            "--output x.mp4 --resolution 63x48",
+            r"even width and height, not 63x48: give --resolution 64x48",
+        ),
+        ("pool", "--seed 2", r"--seed and --detail make the demonstration lake"),
+        ("pool", "--obj points.obj", r"--obj: .*points\.obj holds no faces"),
+        ("blind", "", r'"Scene" has no camera: .*--camera turntable'),
+        ("dry", "--k 1", r"--k: the scene has no water to set it on"),
+        ("broken", "", r"broken\.blend cannot be opened \(.*\): give a \.blend file"),
+    ],
+)
+def test_what_the_scene_or_the_gpu_cannot_do_is_refused(
+    scenes: dict[str, Path], tmp_path: Path, scene: str, arguments: str, message: str
+) -> None:
+    (tmp_path / "broken.blend").write_text("no Blender file")
+    (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\n")
+    blend = scenes.get(scene, tmp_path / "broken.blend")
+    before = files(tmp_path)
+    said = render(blend, "--output", "x", *arguments.split(), folder=tmp_path, status=2)
+    assert re.search(message, said), said
+    assert files(tmp_path) == before
+
+
+def test_no_egl_is_told_and_does_not_crash(tmp_path: Path) -> None:
+    nowhere = {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent", "__EGL_VENDOR_LIBRARY_DIRS": "/nonexistent"}
+    said = render("--output", "x", folder=tmp_path, status=1, env=os.environ | nowhere)
+    assert re.search(r"no OpenGL context: .*apt-get install libegl1", said), said
+
+
+# What is made
+
+
+@pytest.fixture(scope="module")
+def sequence(scenes: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the pool's three frames, contact sheet and statistics."""
+    folder = tmp_path_factory.mktemp("sequence")
+    render(
+        *(scenes["pool"], "--output", "frames", "--samples", 2, "--contact-sheet", "sheet.png"),
+        *("--contact-grid", "1x3", "--stats", "stats.json"),
+        folder=folder,
+    )
+    return folder
+
+
+def test_a_sequence_with_contact_sheet_and_statistics(bpy_module: ModuleType, sequence: Path) -> None:
+    frames = [f"frames/frame_000{i}.png" for i in (1, 2, 3)]
+    assert files(sequence) == ["frames/frame.render.json", *frames, "sheet.png", "stats.json"]
+    first, second = (pixels(bpy_module, sequence / frame) for frame in frames[:2])
+    assert first.shape == (SIZE[1], SIZE[0], 3)
+    assert first.std() > 0.05, "the picture is blank"
+    assert np.abs(first - second).max() > 0.02, "the waves stand still"
+
+    sheet = pixels(bpy_module, sequence / "sheet.png")
+    assert sheet.shape == (SIZE[1] + 8, 3 * SIZE[0] + 16, 3)
+    np.testing.assert_allclose(sheet[4:-4, 4 : 4 + SIZE[0]], first, atol=1.5 / 255)
+
+    stats = json.loads((sequence / "stats.json").read_text())
+    assert stats["outcome"] == "finished"
+    assert [frame["frame"] for frame in stats["frames"]] == [1, 2, 3]
+    assert stats["settings"]["samples"] == 2
+    assert stats["median"]["of_frames"] == 2
+    assert stats["median"]["total_s"] >= stats["median"]["frame_s"] > 0.0
+    assert sum(stats["median"]["passes"].values()) > 0.0
+    assert all(stats["machine"][key] for key in ("renderer", "driver", "backend"))
+
+
+def test_a_video_holds_the_same_pictures(
+    bpy_module: ModuleType, scenes: dict[str, Path], sequence: Path, tmp_path: Path
+) -> None:
+    """H.264, 4:2:0: colours agree within 1 % in the mean; a view transform applied twice would show."""
+    bpy = bpy_module
+    render(scenes["pool"], "--output", "{pool}.mp4", "--samples", 2, folder=tmp_path)
+    assert files(tmp_path) == ["{pool}.mp4"], "work files are left behind"
+    scene = bpy.context.scene
+    strip = scene.sequence_editor_create().strips.new_movie("pool", str(tmp_path / "{pool}.mp4"), 1, 1)
+    assert strip.duration == 3
+    assert (strip.elements[0].orig_width, strip.elements[0].orig_height) == SIZE
+    assert strip.elements[0].orig_fps == pytest.approx(scene.render.fps / scene.render.fps_base)
+
+    scene.view_settings.view_transform = "Standard"
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    for frame in (1, 3):
+        scene.frame_set(frame)
+        scene.render.filepath = str(tmp_path / "decoded.png")
+        bpy.ops.render.render(write_still=True)
+        decoded = pixels(bpy, tmp_path / "decoded.png")
+        rendered = pixels(bpy, sequence / f"frames/frame_000{frame}.png")
+        np.testing.assert_allclose(decoded.mean(axis=(0, 1)), rendered.mean(axis=(0, 1)), atol=0.01)
+        assert np.abs(decoded - rendered).mean() < 0.03
+
+
+def test_resume_renders_what_is_missing_and_notices_other_settings(
+    scenes: dict[str, Path], frame_files: ModuleType, tmp_path: Path
+) -> None:
+    arguments = (scenes["pool"], "--output", "f_##.exr", "--samples", 1)
+    render(*arguments, "--frames", 2, folder=tmp_path)
+    first = (tmp_path / "f_01.exr").stat().st_mtime_ns
+    whole = (tmp_path / "f_02.exr").read_bytes()
+    (tmp_path / "f_02.exr").write_bytes(whole[: len(whole) // 2])
+
+    said = render(*arguments, "--frames", 3, "--resume", folder=tmp_path)
+    assert "1 of 3 frames are there" in said
+    assert (tmp_path / "f_01.exr").stat().st_mtime_ns == first, "a finished frame was rendered again"
+    for name in ("f_02.exr", "f_03.exr"):
+        assert frame_files.is_whole_picture(tmp_path / name), f"{name} was not rendered"
+
+    said = render(*arguments, "--frames", 3, "--k", 2, "--resume", folder=tmp_path, status=2)
+    assert "other settings (Pool k: 0.5 then, 2.0 now)" in said
+
+
+def test_ctrl_c_leaves_whole_frames(scenes: dict[str, Path], frame_files: ModuleType, tmp_path: Path) -> None:
+    arguments = (scenes["pool"], "--output", "long.mp4", "--frames", 1000, "--samples", 1)
+    with subprocess.Popen(
+        command(*arguments), cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        for line in process.stdout:
+            if line.startswith("frame 3 "):
+                break
+        process.send_signal(signal.SIGINT)
+        process.stdout.read()
+        said = process.stderr.read()
+    assert process.returncode == 130, said
+    assert "the same command with --resume goes on" in said
+    work = tmp_path / "long.mp4.frames"
+    pictures = [name for name in files(work) if name != "frame.render.json"]
+    assert pictures == [f"frame_{i + 1:04d}.png" for i in range(len(pictures))]
+    assert len(pictures) >= 3
+    assert all(frame_files.is_whole_picture(work / name) for name in pictures)
+    assert json.loads((work / "frame.render.json").read_text())["done"] == [[1, len(pictures)]]
+
+
+def test_a_full_disk_is_told_and_keeps_what_is_there(scenes: dict[str, Path], tmp_path: Path) -> None:
+    """A limit on the size of files stands for the disk: Blender reports success for the cut-off frame."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192))
+
+    (tmp_path / "frame_0001.png").write_bytes(b"an older frame")
+    said = render(
+        *(scenes["pool"], "--output", ".", "--resolution", "320x240", "--samples", 1),
+        folder=tmp_path,
+        status=1,
+        preexec_fn=limit,
+    )
+    assert re.search(r"frame 1: the disk of .* is full .*: free some space, then .*--resume", said), said
+    assert files(tmp_path) == ["frame_0001.png"]
+    assert (tmp_path / "frame_0001.png").read_bytes() == b"an older frame"
+
+
+def test_an_obj_file_and_the_water_level_change_the_picture(
+    bpy_module: ModuleType, scenes: dict[str, Path], sequence: Path, tmp_path: Path
+) -> None:
+    corners = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    faces = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
+    text = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {face}" for face in faces]
+    (tmp_path / "box.obj").write_text("\n".join(text) + "\n")
+    render(
+        *(scenes["pool"], "--output", "one.png", "--samples", 2, "--obj", "box.obj", "--water-level", "0.25"),
+        *("--stats", "stats.json"),
+        folder=tmp_path,
+    )
+    settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
+    assert settings["Pool level"] == 0.25
+    with_box = pixels(bpy_module, tmp_path / "one.png")
+    without = pixels(bpy_module, sequence / "frames/frame_0001.png")
+    assert np.abs(with_box - without)[SIZE[1] // 4 : -SIZE[1] // 4].mean() > 0.02
+
+
+def test_a_scene_without_water_is_rendered_with_a_note(scenes: dict[str, Path], tmp_path: Path) -> None:
+    said = render(scenes["dry"], "--output", "dry.png", "--samples", 1, folder=tmp_path)
+    assert "note: the scene has no water" in said
+    assert files(tmp_path) == ["dry.png"]
+
+
+def test_the_demonstration_lake_turns(bpy_module: ModuleType, tmp_path: Path) -> None:
+    """Without a scene or an output: two opposite views of the lake, on a contact sheet."""
+    render(
+        *("--contact-sheet", "sheet.png", "--contact-grid", "1x2", "--frames", 48, "--detail", 0.1),
+        *("--resolution", "{}x{}".format(*SIZE), "--samples", 1, "--texture-size", 64),
+        folder=tmp_path,
+    )
+    assert files(tmp_path) == ["sheet.png"]
+    sheet = pixels(bpy_module, tmp_path / "sheet.png")
+    left, right = sheet[4:-4, 4 : 4 + SIZE[0]], sheet[4:-4, 8 + SIZE[0] : -4]
+    assert left.std() > 0.05
+    assert np.abs(left - right).mean() > 0.03
+
+
+# Names and files, without Blender
+
+
+@pytest.mark.parametrize(
+    ("text", "frame", "kind"),
+    [
+        ("out/lake.mp4", "out/lake.mp4.frames/frame_0007.png", "VIDEO"),
+        ("out", "out/frame_0007.png", "SEQUENCE"),
+        ("out/v2.1", "out/v2.1/frame_0007.png", "SEQUENCE"),
+        ("out/a_######.exr", "out/a_000007.exr", "SEQUENCE"),
+        ("out/a##b", "out/a07b.png", "SEQUENCE"),
+        ("out/##", "out/07.png", "SEQUENCE"),
+        ("one.PNG", "one.PNG", "STILL"),
+        ("//rel/x.png", "rel/x.png", "STILL"),
+    ],
+)
+def test_names_of_frames(frame_files: ModuleType, text: str, frame: str, kind: str) -> None:
+    base = Path.cwd()
+    output = frame_files.parse_output(text, None, None, base)
+    assert (str(output.frame(7)), output.kind) == (str(base / frame), kind)
+
+
+def test_every_cut_of_a_picture_is_noticed(frame_files: ModuleType, sequence: Path, tmp_path: Path) -> None:
+    whole = (sequence / "frames/frame_0001.png").read_bytes()
+    copy = tmp_path / "copy.png"
+    copy.write_bytes(whole)
+    assert frame_files.is_whole_picture(copy)
+    for length in range(0, len(whole), max(len(whole) // 50, 1)):
+        copy.write_bytes(whole[:length])
+        assert not frame_files.is_whole_picture(copy), f"{length} of {len(whole)} bytes"
+
+
+def test_a_typing_error_is_told_before_blender_is_loaded() -> None:
+    code = (
+        f"import sys; sys.path.insert(0, {str(SCRIPTS)!r}); import render\n"
+        "render.build_parser(render.technique_names()); sys.exit('bpy' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
