@@ -127,7 +127,7 @@ class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
 class LAKE_WATER_UL_waves(bpy.types.UIList):
     """One line a wave: length, height, direction."""
 
-    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):  # noqa: PLR0917 - Blender gives them all
+    def draw_item(self, context, layout, data, item, icon, active_data, active_property, index):
         system = context.scene.unit_settings.system
         row = layout.row(align=True)
         for length in (item.wavelength, item.amplitude):
