@@ -27,13 +27,13 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ..core.snapshot import Draw, Material, SceneSnapshot, Sky, Sun
+from ..core.snapshot import Draw, Material, SceneSnapshot, Sky
 from .materials import default_material, same_material
 from .meshes import MeshStore
-from .objects import Name, determinants, find_evaluated, is_shown, is_usable, matrix_of, name_of, slots_of
+from .objects import Name, determinants, find_evaluated, is_shown, is_usable, matrix_of, name_of
 from .versions import next_version
-from .walk import DrawKey, Known, Predicate, Walk
-from .waters import is_water, refresh
+from .walk import DrawKey, Known, Predicate, Single, Walk
+from .waters import WaterRecord, is_water, read_surface, refresh, same_body, water_body
 from .world import WorldReader, read_sun, same_sky, same_sun
 
 MAX_VIEWS = 8  # depsgraphs and local views remembered at once
@@ -61,11 +61,10 @@ class View:
     full: bool = True  # look at everything
     changed: dict[int, Name] = field(default_factory=dict)  # objects to look at, by uid
 
-    def note_object(self, uid: int, name: Name, has_new_geometry: bool) -> None:
+    def note_object(self, uid: int, name: Name) -> None:
         """An object changed."""
         if uid not in self.known.silent:
             self.changed[uid] = name
-            self.full = self.full or has_new_geometry
 
 
 def view_visibility(space: bpy.types.SpaceView3D) -> tuple[Predicate | None, Hashable]:
@@ -130,7 +129,7 @@ class SceneExtractor:
                 if changed and views:
                     uid, name = block.original.session_uid, name_of(block)
                     for view in views:
-                        view.note_object(uid, name, update.is_updated_geometry)
+                        view.note_object(uid, name)
             elif isinstance(block, bpy.types.Image):
                 if changed:
                     self._world.forget_image(block.session_uid)
@@ -184,45 +183,63 @@ class SceneExtractor:
 
     def _update_singles(self, view: View, depsgraph: bpy.types.Depsgraph) -> bool:
         """Look at the objects that changed one by one. False, and nothing done, when that is not enough."""
+        if not view.changed:
+            return True
         if len(view.changed) > MAX_SINGLE_UPDATES:
             return False
-        known, sun = view.known, view.snapshot.sun
+        known, last = view.known, view.snapshot
+        walk = Walk(depsgraph, None, known, view.changed, self._store)
+        sun = last.sun
         matrices: dict[DrawKey, np.ndarray] = {}
+        singles: dict[int, Single] = {}
+        waters = {record.uid: record for record in known.waters}
+        new_waters: dict[int, WaterRecord] = {}
         for uid, name in view.changed.items():
             obj = find_evaluated(uid, name, depsgraph)
             if obj is None:
                 return False
             matrix = matrix_of(obj)
-            if uid == known.sun_uid:
-                new = _moved_sun(obj, matrix, view.snapshot)
+            if uid == known.sun_uid and obj.type == "LIGHT" and obj.data.type == "SUN":
+                new = read_sun(obj.data, matrix, obj.original.name, walk.notes.append)
                 if new is None:
                     return False
                 sun = sun if same_sun(new, sun) else new
                 continue
+            if uid in waters:
+                record = _changed_water(waters[uid], walk, obj, matrix, depsgraph)
+                if record is None:
+                    return False
+                new_waters[uid] = record
+                continue
             single = known.singles.get(uid)
-            if (
-                single is None
-                or obj.data.session_uid != single.data_uid
-                or slots_of(obj) != single.slots
-                or not is_shown(obj)
-                or is_water(obj)
-                or obj.mode != "OBJECT"
-            ):
+            changed = None if single is None else _changed_single(single, uid, walk, obj, matrix)
+            if changed is None:
                 return False
-            determinant = determinants(matrix[None])[0]
-            if not is_usable(determinant) or (determinant < 0.0) != single.mirrored:
-                return False
+            singles[uid] = changed
             for key, row in single.places:
                 if not np.array_equal(known.draws[key].matrices[row], matrix):
                     if key not in matrices:
                         matrices[key] = known.draws[key].matrices.copy()
                     matrices[key][row] = matrix
+        if not set(walk.notes) <= set(last.notes):
+            return False
+        self.meshes_read += walk.meshes_read
         view.changed.clear()
+        meshes = last.meshes
+        for uid, single in singles.items():
+            old = known.singles[uid]
+            if single.mesh_id != old.mesh_id:
+                known.meshes.pop(old.mesh_id, None)
+                known.meshes[single.mesh_id] = single.mesh
+            if single.mesh is not meshes[single.mesh.key]:
+                meshes = meshes | {single.mesh.key: single.mesh}
+        known.singles |= singles
+        known.waters = tuple(new_waters.get(record.uid, record) for record in known.waters)
         for key, stacked in matrices.items():
             known.draws[key] = dataclasses.replace(known.draws[key], matrices=stacked, version=next_version())
-        if matrices or sun is not view.snapshot.sun:
+        if matrices or meshes is not last.meshes or sun is not last.sun:
             view.snapshot = dataclasses.replace(
-                view.snapshot, draws=tuple(known.draws.values()), sun=sun, version=next_version()
+                last, meshes=meshes, draws=tuple(known.draws.values()), sun=sun, version=next_version()
             )
         return True
 
@@ -294,13 +311,40 @@ def _materials(walk: Walk, draws: tuple[Draw, ...]) -> dict[Hashable, Material]:
     return {draw.material: read.get(draw.material, default) for draw in draws}
 
 
-def _moved_sun(obj: bpy.types.Object, matrix: np.ndarray, snapshot: SceneSnapshot) -> Sun | None:
-    """The sun of a lamp that moved; None if more than that has to be looked at."""
-    if obj.type != "LIGHT" or obj.data.type != "SUN":
+def _changed_single(
+    single: Single, uid: int, walk: Walk, obj: bpy.types.Object, matrix: np.ndarray
+) -> Single | None:
+    """What an object draws now; None if that is not the same draws with other content."""
+    determinant = determinants(matrix[None])[0]
+    if not is_usable(determinant) or (determinant < 0.0) != single.mirrored:
         return None
-    notes: list[str] = []
-    sun = read_sun(obj.data, matrix, obj.original.name, notes.append)
-    return sun if set(notes) <= set(snapshot.notes) else None
+    if obj.type != "MESH" or is_water(obj):
+        return None
+    look = walk.look(obj, uid, obj.data.session_uid, own_instance=False)
+    if look is None or look.slots != single.slots or look.mesh.key != single.mesh.key:
+        return None
+    if [part.slot for part in look.mesh.parts] != [part.slot for part in single.mesh.parts]:
+        return None
+    return dataclasses.replace(single, data_uid=look.data_uid, mesh=look.mesh, mesh_id=look.mesh_id)
+
+
+def _changed_water(
+    record: WaterRecord,
+    walk: Walk,
+    obj: bpy.types.Object,
+    matrix: np.ndarray,
+    depsgraph: bpy.types.Depsgraph,
+) -> WaterRecord | None:
+    """A water object's record now; None if more than that has to be looked at."""
+    if record.is_instance or not is_water(obj) or not is_shown(obj):
+        return None
+    surface = read_surface(obj, depsgraph)
+    if surface.resolution == 0 or record.body.grid is None:  # its mesh may be another
+        return None
+    body = water_body(obj.original.name, record.body.key, surface, matrix, None, walk.notes.append)
+    if body is None:
+        return None
+    return record if same_body(body, record.body) else dataclasses.replace(record, body=body)
 
 
 def _depsgraph_key(depsgraph: bpy.types.Depsgraph) -> Hashable:

@@ -32,7 +32,7 @@ DrawKey = tuple[Hashable, int, Hashable, bool]  # mesh, part, material, mirrored
 MeshId = tuple[int, str | None, str | None]  # uid of the evaluated mesh, UV map, colour attribute
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, slots=True)
 class Look:
     """How one evaluated object with one geometry is drawn, and the rows of its instances."""
 
@@ -41,18 +41,21 @@ class Look:
     data_uid: int
     slots: tuple[int, ...]
     mesh: Mesh | None
+    mesh_id: MeshId | None = None
     surface: WaterSurface | None = None
     rows: list[int] = field(default_factory=list)
     instanced: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Single:
-    """An object that draws exactly one instance: where its matrix is."""
+    """An object that draws exactly one instance: what it draws, and in which rows of which draws."""
 
     slots: tuple[int, ...]
     data_uid: int
-    places: tuple[tuple[DrawKey, int], ...]  # draw and row
+    mesh: Mesh
+    mesh_id: MeshId
+    places: tuple[tuple[DrawKey, int], ...]
     mirrored: bool
 
 
@@ -102,8 +105,9 @@ class Walk:
         self._bases: dict[Hashable, int] = {}
         self._geometries: dict[int, int] = {}  # how many geometries an object's own instances brought so far
         self._shown: dict[int, bool] = {}
+        self._found: dict[tuple[int, tuple[int, ...]], tuple[MeshId, Mesh | None]] = {}
         self._places: dict[int, list[tuple[DrawKey, int]]] = {}  # by id() of the look
-        self._mirrored: np.ndarray | None = None
+        self._mirrored: list[bool] = []
         self._has_layer_flags = has_layer_flags(depsgraph.view_layer.layer_collection)
 
     def _note(self, text: str) -> None:
@@ -133,7 +137,7 @@ class Walk:
                 if look_key in looks:
                     look = looks[look_key]
                 else:
-                    look = looks[look_key] = self._look(obj, uid, data_uid, instanced and parent_uid == uid)
+                    look = looks[look_key] = self.look(obj, uid, data_uid, instanced and parent_uid == uid)
                 if look is None or (is_visible is not None and not is_visible(obj)):
                     continue
                 look.rows.append(row)
@@ -178,8 +182,10 @@ class Walk:
             look.uid: Single(
                 slots=look.slots,
                 data_uid=look.data_uid,
+                mesh=look.mesh,
+                mesh_id=look.mesh_id,
                 places=tuple(self._places[id(look)]),
-                mirrored=bool(self._mirrored[look.rows[0]]),
+                mirrored=self._mirrored[look.rows[0]],
             )
             for look in looks
             if len(look.rows) == 1
@@ -225,7 +231,7 @@ class Walk:
             self._shown[uid] = shown
         return shown
 
-    def _look(self, obj: bpy.types.Object, uid: int, data_uid: int, own_instance: bool) -> Look | None:
+    def look(self, obj: bpy.types.Object, uid: int, data_uid: int, own_instance: bool) -> Look | None:
         """How an object that was not met before is drawn; None if it is not.
 
         own_instance: the geometry is not the object's own mesh but one that its modifiers
@@ -241,13 +247,16 @@ class Walk:
             surface = read_surface(obj, self._depsgraph)
             slots = ()
             if surface.resolution:
-                return Look(uid, name_of(obj), data_uid, slots, None, surface)
-        mesh = self._mesh(obj, uid, data_uid, slots, own_instance)
+                return Look(uid, name_of(obj), data_uid, slots, None, surface=surface)
+        found = self._found.get((data_uid, slots))  # linked duplicates need not be looked at one by one
+        if found is None:
+            found = self._found[(data_uid, slots)] = self._mesh(obj, uid, data_uid, slots, own_instance)
+        mesh_id, mesh = found
         if mesh is None:
             if surface is not None:
                 self._note(f'Water "{obj.original.name}" has no faces, not drawn')
             return None
-        return Look(uid, name_of(obj), data_uid, slots, mesh, surface)
+        return Look(uid, name_of(obj), data_uid, slots, mesh, mesh_id, surface)
 
     def _material(self, uid: int, obj: bpy.types.Object) -> ReadMaterial:
         read = self.materials.get(uid)
@@ -264,7 +273,7 @@ class Walk:
 
     def _mesh(
         self, obj: bpy.types.Object, uid: int, data_uid: int, slots: tuple[int, ...], own_instance: bool
-    ) -> Mesh | None:
+    ) -> tuple[MeshId, Mesh | None]:
         data = obj.data
         in_place = obj.mode != "OBJECT" and not own_instance
         reads = [self._material(slot, obj) for slot in slots if slot]
@@ -278,16 +287,16 @@ class Walk:
             data.color_attributes,
             lambda: default_color_name(data),
         )
-        cache_key = (data_uid, uv_name, color_name)
-        if cache_key in self.meshes:
-            return self.meshes[cache_key]
+        mesh_id = (data_uid, uv_name, color_name)
+        if mesh_id in self.meshes:
+            return mesh_id, self.meshes[mesh_id]
         key = (*self._mesh_key(obj, uid, data_uid, own_instance), uv_name, color_name)
-        mesh = self._before.meshes.get(cache_key)
-        known = cache_key in self._before.meshes and (mesh is None or mesh.key == key)
+        mesh = self._before.meshes.get(mesh_id)
+        known = mesh_id in self._before.meshes and (mesh is None or mesh.key == key)
         if not known or (in_place and uid in self._changed):
             mesh = self._read(obj, key, uv_name, color_name, in_place)
-        self.meshes[cache_key] = mesh
-        return mesh
+        self.meshes[mesh_id] = mesh
+        return mesh_id, mesh
 
     def _read(
         self,
@@ -358,17 +367,18 @@ class Walk:
 
     def _make_draws(self, matrices: np.ndarray) -> None:
         signed = determinants(matrices)
-        usable = is_usable(signed)
-        mirrored = self._mirrored = signed < 0.0
+        mirrored = self._mirrored = (signed < 0.0).tolist()
+        unusable = set(np.flatnonzero(~is_usable(signed)).tolist())
         groups: dict[DrawKey, list[int]] = {}
         for look in self._looks.values():
             if look is None or look.mesh is None or look.surface is not None:
                 continue
             rows = look.rows
-            for flipped in (False, True):
-                chosen = [row for row in rows if mirrored[row] == flipped and usable[row]]
-                if not chosen:
-                    continue
+            if unusable and not unusable.isdisjoint(rows):
+                self._note(f'Object "{look.name[0]}" has a scale of zero, not drawn')
+                rows = [row for row in rows if row not in unusable]
+            for flipped in sorted({mirrored[row] for row in rows}):
+                chosen = rows if len(rows) == 1 else [row for row in rows if mirrored[row] == flipped]
                 places = self._places.setdefault(id(look), [])
                 for part, mesh_part in enumerate(look.mesh.parts):
                     # An index beyond the last slot shows the last one, as in Blender.
@@ -377,8 +387,6 @@ class Walk:
                     group = groups.setdefault(key, [])
                     places.append((key, len(group)))
                     group.extend(chosen)
-            if not all(usable[row] for row in rows):
-                self._note(f'Object "{look.name[0]}" has a scale of zero, not drawn')
         for key, rows in groups.items():
             stacked = matrices[rows]
             old = self._before.draws.get(key)
@@ -408,4 +416,4 @@ class Walk:
                 old = old_bodies.get(body.key)
                 if old is not None and same_body(body, old):
                     body = old
-                self.waters.append(WaterRecord(look.uid, look.name, body))
+                self.waters.append(WaterRecord(look.uid, look.name, body, look.instanced))

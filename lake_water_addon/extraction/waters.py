@@ -37,6 +37,7 @@ class WaterRecord:
     uid: int
     name: Name
     body: WaterBody
+    is_instance: bool
 
 
 def is_water(obj: bpy.types.Object) -> bool:
