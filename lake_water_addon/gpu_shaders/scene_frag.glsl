@@ -27,9 +27,11 @@ void main()
   // The plane clips a little too far off, so that no wave cuts a hole. What still lies on the
   // wrong side of the waves themselves goes here: nothing above the water is seen through it.
   // One texel's footprint is kept, for the filter at the water line.
-  float surface = water.plane.z + wave_height(v_position.xy - water.plane.xy);
-  if (pass_view.clip.x * (surface - v_position.z) < -footprint) {
-    discard;
+  if (abs(v_position.z - water.plane.z) <= abs(pass_view.clip.y - water.plane.z)) {
+    float surface = water.plane.z + wave_height(v_position.xy - water.plane.xy);
+    if (pass_view.clip.x * (surface - v_position.z) < -footprint) {
+      discard;
+    }
   }
 #endif
 

@@ -8,13 +8,17 @@ vec2 equirectangular(vec3 direction, float rotation)
   return vec2(azimuth / 6.283185307179586 + 0.5, asin(clamp(direction.z, -1.0, 1.0)) / 3.141592653589793 + 0.5);
 }
 
-// Level 0 is asked for: the seam's derivative would pick the smallest level there.
+// Level 0 is asked for: the seam's derivative would pick the smallest level there. The poles stay
+// half a texel away from the edge: the image repeats, and the zenith would mix with the ground.
 vec3 sky_radiance(vec3 direction)
 {
   if (lights.sky.w < 0.5) {
     return lights.sky.rgb;
   }
-  return textureLod(sky_image, equirectangular(direction, lights.sky_image.y), 0.0).rgb * lights.sky_image.x;
+  vec2 uv = equirectangular(direction, lights.sky_image.y);
+  float half_texel = 0.5 / float(textureSize(sky_image, 0).y);
+  uv.y = clamp(uv.y, half_texel, 1.0 - half_texel);
+  return textureLod(sky_image, uv, 0.0).rgb * lights.sky_image.x;
 }
 
 // Irradiance / pi on a surface with this normal, from spherical harmonics.

@@ -47,8 +47,9 @@ vec3 reflected_radiance(vec3 surface, vec3 direction)
     }
     reach = i < 2 ? 0.5 * reach : 0.0;
   }
+  vec3 color = texel.rgb / max(texel.a, 1e-4);
   float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
-  return mix(sky_radiance(direction), texel.rgb / max(texel.a, 1e-4), known);
+  return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
 }
 
 vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)

@@ -76,11 +76,11 @@ class FrameRenderer:
             target = textures.refraction_target(self.targets, i, plan.texture_size)
             view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction))
             with timer.measure("refraction", target.framebuffer):
-                textures.draw_refraction(self._geometry, target, lights, view, water)
+                textures.draw_refraction(self._geometry, body.refraction, target, lights, view, water)
             target = textures.reflection_target(self.targets, i, plan.texture_size)
             view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
             with timer.measure("reflection", target.framebuffer):
-                textures.draw_reflection(self._geometry, target, lights, view, water)
+                textures.draw_reflection(self._geometry, body.reflection, target, lights, view, water)
 
     def draw_water(
         self,

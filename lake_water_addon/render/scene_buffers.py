@@ -21,7 +21,11 @@ INSTANCE_TEXTURE_WIDTH = 1536
 
 @dataclass(frozen=True, eq=False)
 class DrawCall:
-    """One instanced draw. flipped: its matrices mirror, so its winding is turned around."""
+    """One instanced draw. flipped: its matrices mirror, so its winding is turned around.
+
+    Its instances are ordered by height. least_above[i] is the lowest point of the instances
+    from i on, most_below[i] the highest point of those up to i; render space, m.
+    """
 
     batch: GPUBatch
     first_instance: int
@@ -30,6 +34,21 @@ class DrawCall:
     solid: bool
     material: Material
     image: GPUTexture | None
+    least_above: np.ndarray
+    most_below: np.ndarray
+
+    def instances_beside(self, keep: int, clip_height: float) -> tuple[int, int]:
+        """(first, count) of the instances that may reach below (keep +1) or above (-1) a height; 0: all.
+
+        Trees need not go through the vertex shader for the refraction texture, nor the stones on the
+        bottom for the reflection.
+        """
+        start, end = 0, self.instances
+        if keep > 0:
+            end = int(np.searchsorted(self.least_above, clip_height, side="right"))
+        elif keep < 0:
+            start = int(np.searchsorted(self.most_below, clip_height, side="left"))
+        return self.first_instance + start, end - start
 
 
 @dataclass(eq=False)
@@ -45,6 +64,7 @@ class SceneBuffers:
         self._resources = resources
         self._meshes: dict[Hashable, _UploadedMesh] = {}
         self._instance_state: tuple | None = None
+        self._placed: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._version: tuple | None = None
         self._blank: GPUTexture | None = None
         self.instances: GPUTexture | None = None
@@ -57,22 +77,24 @@ class SceneBuffers:
         if version == self._version:
             return
         self._upload_meshes(snapshot)
-        first = self._upload_instances(snapshot, origin)
+        placed = self._upload_instances(snapshot, origin)
         images = {m.image for m in snapshot.materials.values() if m.image}
         textures = {name: image_texture(name) for name in images}
         self.calls = []
-        for draw, start in zip(snapshot.draws, first, strict=True):
+        for draw, (first, least_above, most_below) in zip(snapshot.draws, placed, strict=True):
             mesh = snapshot.meshes[draw.mesh]
             material = snapshot.materials[draw.material]
             self.calls.append(
                 DrawCall(
                     self._meshes[draw.mesh].parts[draw.part],
-                    start,
+                    first,
                     len(draw.matrices),
                     bool(np.linalg.det(draw.matrices[0][:3, :3]) < 0.0),
                     mesh.solid or material.cull_back_faces,
                     material,
                     textures.get(material.image),
+                    least_above,
+                    most_below,
                 )
             )
         self.calls.sort(key=lambda c: (c.image is not None, c.material.image or "", c.solid, c.flipped))
@@ -103,27 +125,55 @@ class SceneBuffers:
         )
         return tuple(self._resources.batch(vertices, part.triangles) for part in mesh.parts)
 
-    def _upload_instances(self, snapshot: SceneSnapshot, origin: np.ndarray) -> list[int]:
-        """Fill the instance texture; the first instance of each draw is returned."""
-        counts = [len(draw.matrices) for draw in snapshot.draws]
-        first = np.concatenate([[0], np.cumsum(counts)]).astype(int)
-        state = (tuple(origin), tuple((d.version, n) for d, n in zip(snapshot.draws, counts, strict=True)))
-        if state != self._instance_state:
-            rows_per_line = INSTANCE_TEXTURE_WIDTH // 3
-            lines = max(1, -(-int(first[-1]) // rows_per_line))
-            texels = np.zeros((lines * rows_per_line, 3, 4), np.float32)
-            if counts:
-                stacked = np.concatenate([draw.matrices for draw in snapshot.draws])
-                texels[: first[-1]] = rebase(stacked, origin)[:, :3, :]
-            self.instances = self._resources.texture((INSTANCE_TEXTURE_WIDTH, lines), "RGBA32F", texels)
-            self.instances.filter_mode(False)
-            self._instance_state = state
-        return [int(i) for i in first[:-1]]
+    def _upload_instances(
+        self, snapshot: SceneSnapshot, origin: np.ndarray
+    ) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Fill the instance texture. For each draw: its first instance and the heights of `DrawCall`."""
+        state = (
+            tuple(origin),
+            tuple((d.version, len(d.matrices), snapshot.meshes[d.mesh].version) for d in snapshot.draws),
+        )
+        if state == self._instance_state:
+            return self._placed
+        self._placed = []
+        stacked = []
+        first = 0
+        for draw in snapshot.draws:
+            matrices = rebase(draw.matrices, origin)
+            lowest, highest = _heights(snapshot.meshes[draw.mesh], matrices)
+            order = np.argsort(lowest + highest, kind="stable")
+            self._placed.append(
+                (
+                    first,
+                    np.minimum.accumulate(lowest[order][::-1])[::-1],
+                    np.maximum.accumulate(highest[order]),
+                )
+            )
+            stacked.append(matrices[order, :3, :])
+            first += len(matrices)
+        per_line = INSTANCE_TEXTURE_WIDTH // 3
+        lines = max(1, -(-first // per_line))
+        texels = np.zeros((lines * per_line, 3, 4), np.float32)
+        if stacked:
+            texels[:first] = np.concatenate(stacked)
+        self.instances = self._resources.texture((INSTANCE_TEXTURE_WIDTH, lines), "RGBA32F", texels)
+        self.instances.filter_mode(False)
+        self._instance_state = state
+        return self._placed
 
     def _blank_texture(self) -> GPUTexture:
         if self._blank is None:
             self._blank = self._resources.texture((1, 1), "RGBA16F", np.zeros(4, np.float32))
         return self._blank
+
+
+def _heights(mesh: Mesh, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest z (n,) of the mesh's bounding box under each of the matrices (n, 4, 4)."""
+    low, high = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
+    center, half = 0.5 * (low + high), 0.5 * (high - low)
+    middle = matrices[:, 2, :3] @ center + matrices[:, 2, 3]
+    reach = np.abs(matrices[:, 2, :3]) @ half
+    return middle - reach, middle + reach
 
 
 def image_texture(name: str) -> GPUTexture | None:

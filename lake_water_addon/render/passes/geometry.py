@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import gpu
 from gpu.types import GPUUniformBuf
 
+from ...core.plan import TexturePass
 from ..resources import Resources
 from ..scene_buffers import SceneBuffers
 from ..shader_library import ShaderLibrary, ShaderSpec
@@ -104,18 +105,22 @@ class GeometryPainter:
         lights: GPUUniformBuf,
         view: GPUUniformBuf,
         *,
-        mirrored: bool = False,
+        side: TexturePass | None = None,
         water: GPUUniformBuf | None = None,
         cull_solids: bool = False,
         linear_depth: bool = False,
     ) -> None:
-        """Draw every draw call. water: clip at this body's surface (View.clip tells which side stays)."""
-        clipped = water is not None
+        """Draw every draw call. With `side` and `water`, only what lies on that side of the water body."""
+        clipped = side is not None
+        keep, clip_height, mirrored = (side.keep, side.clip_height, side.mirrored) if clipped else (0, 0.0, False)
         with opaque_state(1 if clipped else 0):
             textured = None
             image = None
             shader = None
             for call in self._scene.calls:
+                first, count = call.instances_beside(keep, clip_height)
+                if count == 0:
+                    continue
                 if textured != (call.image is not None):
                     textured = call.image is not None
                     spec, defines = scene_spec(textured=textured, clipped=clipped, linear_depth=linear_depth)
@@ -134,12 +139,12 @@ class GeometryPainter:
                 gpu.state.face_culling_set("BACK" if call.solid and cull_solids else "NONE")
                 gpu.state.front_facing_set(mirrored != call.flipped)
                 shader.uniform_float("base_color", (*material.base_color, material.alpha_threshold or 0.0))
-                shader.uniform_int("instance_base", call.first_instance)
+                shader.uniform_int("instance_base", first)
                 if clipped:
                     shader.uniform_int("solid", int(call.solid))
                 if not textured:
                     shader.uniform_int("use_vertex_color", int(material.use_color_attribute))
-                call.batch.draw_instanced(shader, instance_count=call.instances)
+                call.batch.draw_instanced(shader, instance_count=count)
 
     def draw_sky(self, lights: GPUUniformBuf, view: GPUUniformBuf) -> None:
         """Draw the sky wherever nothing is nearer."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from gpu.types import GPUUniformBuf
 
+from ...core.plan import TexturePass
 from ..targets import Target, Targets
 from .geometry import GeometryPainter
 
@@ -23,17 +24,27 @@ def reflection_target(targets: Targets, body: int, size: int) -> Target:
 
 
 def draw_refraction(
-    painter: GeometryPainter, target: Target, lights: GPUUniformBuf, view: GPUUniformBuf, water: GPUUniformBuf
+    painter: GeometryPainter,
+    planned: TexturePass,
+    target: Target,
+    lights: GPUUniformBuf,
+    view: GPUUniformBuf,
+    water: GPUUniformBuf,
 ) -> None:
     """What lies below the surface. Back faces of solids are culled before the clip, or their insides would show."""
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
-        painter.draw_scene(lights, view, water=water, cull_solids=True, linear_depth=True)
+        painter.draw_scene(lights, view, side=planned, water=water, cull_solids=True, linear_depth=True)
 
 
 def draw_reflection(
-    painter: GeometryPainter, target: Target, lights: GPUUniformBuf, view: GPUUniformBuf, water: GPUUniformBuf
+    painter: GeometryPainter,
+    planned: TexturePass,
+    target: Target,
+    lights: GPUUniformBuf,
+    view: GPUUniformBuf,
+    water: GPUUniformBuf,
 ) -> None:
     """What lies above the surface, and the sky, from the mirrored camera.
 
@@ -42,5 +53,5 @@ def draw_reflection(
     """
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
-        painter.draw_scene(lights, view, mirrored=True, water=water)
+        painter.draw_scene(lights, view, side=planned, water=water)
         painter.draw_sky(lights, view)
