@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 import os
@@ -10,7 +11,7 @@ import sys
 import time
 import tomllib
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -45,14 +46,19 @@ def enabled_extension() -> str | None:
     return None
 
 
-def load_package() -> ModuleType:
-    """The enabled extension, or the checkout's package, registered now."""
+@contextlib.contextmanager
+def loaded_package() -> Iterator[ModuleType]:
+    """The enabled extension, or the checkout's package, registered for the time of the block."""
     name = enabled_extension()
     if name is not None:
-        return sys.modules[name]
+        yield sys.modules[name]
+        return
     package = importlib.import_module(PACKAGE)
     package.register()
-    return package
+    try:
+        yield package
+    finally:
+        package.unregister()  # frees what it holds on the GPU while there still is one
 
 
 def part_of(package: ModuleType, name: str) -> ModuleType:

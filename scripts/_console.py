@@ -26,7 +26,7 @@ STOPPED = "stopped; the same command with --resume goes on with the first missin
 NOISE = re.compile(
     r"EGL Error \(0x(3009|300C)\)|^(\S+ +)?render +\| (Saved|Video append)|^(\S+ +)?blend +\| Read blend|"
     r"^Fra:\d|^Saved: |^ *Time: [\d:.]+ \(Saving|^Info: |"
-    r"^(\S+ +)?color_management +\| Using OCIO"
+    r"^(\S+ +)?color_management +\| Using OCIO|^OBJ import of"
 )
 
 RECENT = 20  # frames that the estimate looks back on: the first one is slower, it compiles the shaders
@@ -123,6 +123,11 @@ class Interrupts:
         """Take over the signals: Blender's own handler would break the frame off and go on with the next."""
         for signum in (signal.SIGINT, signal.SIGTERM):
             signal.signal(signum, self._handle)
+
+    def ignore(self) -> None:
+        """From now on nothing is stopped any more: the script is about to end anyway."""
+        for signum in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(signum, signal.SIG_IGN)
 
     def check(self) -> None:
         """Raise Interrupted if a signal has come (Blender swallows what is raised inside its callbacks)."""

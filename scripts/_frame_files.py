@@ -327,8 +327,14 @@ class Record:
         write_text(self.output.record, json.dumps(data, indent=1) + "\n")
 
     def remove_frames(self) -> None:
-        """Remove what this render has written, and the folder if nothing else is in it."""
-        for frame in self.done:
-            self.output.frame(frame).unlink(missing_ok=True)
+        """Remove what this render has written, and the folder if nothing else is in it.
+
+        A folder of temporary frames may also hold those of an older, longer render: they go too.
+        """
+        files = {self.output.frame(frame) for frame in self.done}
+        if self.output.frames_are_temporary:
+            files.update(self.output.folder.glob(f"{self.output.prefix}*{self.output.suffix}"))
+        for file in files:
+            file.unlink(missing_ok=True)
         self.output.record.unlink(missing_ok=True)
         remove_empty([self.output.folder])

@@ -28,6 +28,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 SCRIPTS = Path(__file__).resolve().parent
@@ -417,10 +418,18 @@ def run(options: argparse.Namespace, context: Context) -> None:
     import_blender(context.console)
     import _blender_side
     import _gpu_start
-    from _contact_sheet import choose
 
     _gpu_start.require_gpu(context.console)
-    package = _blender_side.load_package()
+    with _blender_side.loaded_package() as package:
+        make(package, options, context)
+
+
+def make(package: ModuleType, options: argparse.Namespace, context: Context) -> None:
+    """Prepare the scene, render and put the frames together. Raises RenderProblem, Interrupted."""
+    import _blender_side
+    from _contact_sheet import choose
+
+    output: Output = options.target
     with context.console.quiet():
         job = _blender_side.prepare(package, options)
     context.interrupts.check()
@@ -450,12 +459,9 @@ def run(options: argparse.Namespace, context: Context) -> None:
         make_sheet(job, output, sheet, options, context)
     if output.frames_are_temporary:
         record.remove_frames()
-    made = [output.path] + (
-        [options.contact_sheet] if options.contact_sheet not in (None, output.path) else []
-    )
-    context.console.out.write(
-        f"{' and '.join(map(str, made))}: done in {duration(time.monotonic() - start)}\n"
-    )
+    made = dict.fromkeys(str(path) for path in (output.path, options.contact_sheet) if path is not None)
+    seconds = time.monotonic() - start
+    context.console.out.write(f"{' and '.join(made)}: done in {duration(seconds)}\n")
 
 
 def main() -> int:
@@ -486,6 +492,7 @@ def main() -> int:
         )
         statistics.data["error"] = f"{type(error).__name__}: {error}"
         status = 1
+    context.interrupts.ignore()
     if options is not None and isinstance(options.stats, Path) and "machine" in statistics.data:
         try:
             statistics.write(options.stats)
