@@ -115,7 +115,7 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
         _set_turntable(job, lake)
     elif scene.camera is None:
         raise UsageProblem(
-            f'the scene "{scene.name}" has no camera: make one active there (Ctrl+0 on the numeric pad), '
+            f'the scene "{scene.name}" has no camera: select one there and press Ctrl+Numpad 0, '
             "or give --camera turntable"
         )
     if not water:

@@ -59,6 +59,13 @@ class Output:
         return PICTURE_FORMATS[self.suffix.lower()]
 
     @property
+    def label(self) -> str:
+        """What is made, for a person."""
+        if self.kind == "SEQUENCE":
+            return str(self.folder / f"{self.prefix}{'#' * self.digits}{self.suffix}")
+        return str(self.path)
+
+    @property
     def frames_are_temporary(self) -> bool:
         """Whether the frames only serve to make something else, and go when that is done."""
         return self.kind in {"VIDEO", "SHEET"}

@@ -459,7 +459,7 @@ def make(package: ModuleType, options: argparse.Namespace, context: Context) -> 
         make_sheet(job, output, sheet, options, context)
     if output.frames_are_temporary:
         record.remove_frames()
-    made = dict.fromkeys(str(path) for path in (output.path, options.contact_sheet) if path is not None)
+    made = dict.fromkeys([output.label] + [str(options.contact_sheet)] * bool(options.contact_sheet))
     seconds = time.monotonic() - start
     context.console.out.write(f"{' and '.join(made)}: done in {duration(seconds)}\n")
 
