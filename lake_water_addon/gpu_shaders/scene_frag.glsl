@@ -11,7 +11,13 @@
 void main()
 {
 #ifdef CLIPPED
-  float footprint = fwidth(v_position.x) + fwidth(v_position.y) + fwidth(v_position.z);
+  // Height over the waves, on the side that is left out; waves are summed only where they reach, and
+  // one texel further, for the derivative. (It is taken here because there is none in a branch.)
+  vec3 from_origin = v_position - water.plane.xyz;
+  float reach = abs(pass_view.clip.y - water.plane.z) + fwidth(v_position.z);
+  float wave = abs(from_origin.z) <= reach ? wave_height(from_origin.xy) : 0.0;
+  float beyond = pass_view.clip.x * (from_origin.z - wave);
+  float one_texel = fwidth(beyond);
 #endif
 #ifdef TEXTURED
   vec4 texel = texture(base_image, v_uv);
@@ -26,12 +32,9 @@ void main()
 #ifdef CLIPPED
   // The plane clips a little too far off, so that no wave cuts a hole. What still lies on the
   // wrong side of the waves themselves goes here: nothing above the water is seen through it.
-  // One texel's footprint is kept, for the filter at the water line.
-  if (abs(v_position.z - water.plane.z) <= abs(pass_view.clip.y - water.plane.z)) {
-    float surface = water.plane.z + wave_height(v_position.xy - water.plane.xy);
-    if (pass_view.clip.x * (surface - v_position.z) < -footprint) {
-      discard;
-    }
+  // One texel beyond the water line is kept, for the filter.
+  if (beyond > one_texel) {
+    discard;
   }
 #endif
 
