@@ -6,15 +6,15 @@ them. What is kept is known by `session_uid`, which is never used twice in a ses
 
 How changes are found:
 
-- Blender re-evaluates an object's geometry into a new mesh data-block, with a new
-  `session_uid`. A mesh with a known uid is therefore known; only a mesh in Edit Mode is
-  changed in place. A new one is read and compared with the last one of the same key, so
-  that equal content keeps its version.
-- Everything else is looked at again in a *full walk* over `depsgraph.object_instances`,
-  which costs microseconds for an instance. A full walk is made for a depsgraph not seen
-  before and when `note_updates` was told of anything but the following.
-- Objects of which only the transform (or the animation) changed and which draw one
-  instance are looked at one by one.
+- Blender evaluates an object's changed geometry into a new mesh data-block, with a new
+  `session_uid`: one with a known uid is known. (Not so while a mesh is painted or sculpted:
+  in these modes an object that is said to have changed is read again.) A new one is read
+  and compared with the last of the same key, so that equal content keeps its version.
+- Objects that draw a single instance, the sun and water grids are looked at one by one when
+  `note_updates` was told of them.
+- All other changes, and a depsgraph not seen before, take a *full walk* over
+  `depsgraph.object_instances`: some 10 to 20 microseconds for an instance, and no geometry is
+  read that is known.
 """
 
 from __future__ import annotations

@@ -185,9 +185,10 @@ def test_mesh_in_edit_mode_is_the_one_being_edited(watched):
     bpy.ops.object.mode_set(mode="EDIT")
     edited = bmesh.from_edit_mesh(obj.data)
     edited.verts.ensure_lookup_table()
-    edited.verts[0].co.z = -5.0
-    bmesh.update_edit_mesh(obj.data)
-    assert only_mesh(watched.snapshot()).positions[0, 2] == -5.0
+    for z in (-5.0, -6.0):
+        edited.verts[0].co.z = z
+        bmesh.update_edit_mesh(obj.data)
+        assert only_mesh(watched.snapshot()).positions[0, 2] == z
 
 
 # Instances and visibility
@@ -232,6 +233,9 @@ def test_particle_instances():
     settings.render_type, settings.instance_object = "OBJECT", stone
     counts = {draw.mesh[1]: len(draw.matrices) for draw in snapshot().draws}
     assert counts == {stone.data.session_uid: 6, emitter.session_uid: 1}
+    emitter.show_instancer_for_viewport = False
+    counts = {draw.mesh[1]: len(draw.matrices) for draw in snapshot().draws}
+    assert counts == {stone.data.session_uid: 6}, "the emitter itself is hidden"
 
 
 @pytest.mark.parametrize("switch", ["hide_viewport", "hide_set", "exclude", "visible_camera", "is_holdout"])
@@ -830,6 +834,7 @@ def rendered():
     class Engine(bpy.types.RenderEngine):
         bl_idname = "LAKE_WATER_TEST"
         bl_label = "Test"
+        bl_use_gpu_context = True  # as our own; it makes Blender keep the depsgraph from frame to frame
 
         def render(self, depsgraph):
             taken.append((extractor.snapshot(depsgraph), extractor.full_walks))
