@@ -49,6 +49,11 @@ SILENT_IDS = (
     bpy.types.Mesh,
     bpy.types.MetaBall,
 )
+VIEW_TYPE_FILTERS = tuple(
+    name
+    for name in bpy.types.SpaceView3D.bl_rna.properties.keys()
+    if name.startswith("show_object_viewport_")
+)
 
 
 @dataclass(eq=False)
@@ -72,7 +77,7 @@ def view_visibility(space: bpy.types.SpaceView3D) -> tuple[Predicate | None, Has
 
     Local view, local collections and the view's filter of object types; (None, None) if it has none of them.
     """
-    types = tuple(getattr(space, name) for name in dir(space) if name.startswith("show_object_viewport_"))
+    types = tuple(getattr(space, name) for name in VIEW_TYPE_FILTERS)
     if space.local_view is None and not space.use_local_collections and all(types):
         return None, None
     key = (space.as_pointer(), space.local_view is not None, space.use_local_collections, types)
