@@ -157,7 +157,7 @@ def _undone() -> None:
     """Any data-block may be another now: read all again. What turns out equal is not uploaded again."""
     _state.error = None
     if _state.host is not None:
-        _state.host.extractor.reset()
+        _state.host.extractor.check_all()
     _redraw_viewports()
 
 

@@ -47,7 +47,7 @@ void main()
 #ifdef CLIPPED
   // The inside of a solid that the water line cuts open: nothing can be seen there, so that a
   // lookup that lands here must be taken elsewhere.
-  if (solid != 0 && !gl_FrontFacing) {
+  if (mark_inside != 0 && !gl_FrontFacing) {
     out_color = vec4(0.0);
   }
 #endif

@@ -23,6 +23,8 @@ INSTANCE_TEXTURE_WIDTH = 1536
 class DrawCall:
     """One instanced draw. flipped: its matrices mirror, so its winding is turned around.
 
+    solid: its back faces are the inside of something.
+
     Its instances are ordered by height. least_above[i] is the lowest point of the instances
     from i on, most_below[i] the highest point of those up to i; render space, m.
     """
@@ -90,7 +92,8 @@ class SceneBuffers:
                     first,
                     len(draw.matrices),
                     bool(np.linalg.det(draw.matrices[0][:3, :3]) < 0.0),
-                    mesh.solid or material.cull_back_faces,
+                    # Through the holes of leaves one sees the back faces behind, and rightly so.
+                    (mesh.solid or material.cull_back_faces) and material.alpha_threshold is None,
                     material,
                     textures.get(material.image),
                     least_above,

@@ -55,7 +55,7 @@ def scene_spec(*, textured: bool, clipped: bool, linear_depth: bool) -> tuple[Sh
     if clipped:
         defines["CLIPPED"] = ""
         buffers.append(("Water", "water"))
-        push_constants.append(("INT", "solid"))
+        push_constants.append(("INT", "mark_inside"))
     if linear_depth:
         defines["LINEAR_DEPTH"] = ""
         outputs.append(("FLOAT", "out_depth"))
@@ -107,10 +107,14 @@ class GeometryPainter:
         *,
         side: TexturePass | None = None,
         water: GPUUniformBuf | None = None,
-        cull_solids: bool = False,
+        mark_insides: bool = False,
         linear_depth: bool = False,
     ) -> None:
-        """Draw every draw call. With `side` and `water`, only what lies on that side of the water body."""
+        """Draw every draw call. With `side` and `water`, only what lies on that side of the water body.
+
+        Back faces are culled where the material says so, and those of solids in a pass with a `side`,
+        unless `mark_insides`: then they are drawn with alpha 0.
+        """
         clipped = side is not None
         keep, clip_height, mirrored = (side.keep, side.clip_height, side.mirrored) if clipped else (0, 0.0, False)
         with opaque_state(1 if clipped else 0):
@@ -136,12 +140,14 @@ class GeometryPainter:
                     image = call.image
                     shader.uniform_sampler("base_image", image)
                 material = call.material
-                gpu.state.face_culling_set("BACK" if call.solid and cull_solids else "NONE")
+                marked = mark_insides and call.solid
+                culled = material.cull_back_faces or (clipped and call.solid)
+                gpu.state.face_culling_set("BACK" if culled and not marked else "NONE")
                 gpu.state.front_facing_set(mirrored != call.flipped)
                 shader.uniform_float("base_color", (*material.base_color, material.alpha_threshold or 0.0))
                 shader.uniform_int("instance_base", first)
                 if clipped:
-                    shader.uniform_int("solid", int(call.solid))
+                    shader.uniform_int("mark_inside", int(marked))
                 if not textured:
                     shader.uniform_int("use_vertex_color", int(material.use_color_attribute))
                 call.batch.draw_instanced(shader, instance_count=count)

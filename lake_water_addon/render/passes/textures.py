@@ -35,7 +35,7 @@ def draw_refraction(
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
-        painter.draw_scene(lights, view, side=planned, water=water, cull_solids=True, linear_depth=True)
+        painter.draw_scene(lights, view, side=planned, water=water, linear_depth=True)
 
 
 def draw_reflection(
@@ -53,5 +53,5 @@ def draw_reflection(
     """
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
-        painter.draw_scene(lights, view, side=planned, water=water)
+        painter.draw_scene(lights, view, side=planned, water=water, mark_insides=True)
         painter.draw_sky(lights, view)
