@@ -102,38 +102,37 @@ def rotation_about(point: np.ndarray, axis: np.ndarray, angle: float) -> np.ndar
     return matrix
 
 
-def lowest_edge_ray(view: np.ndarray, projection: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """World-space ray of the middle of the picture's lowest edge (-J of the thesis).
+def turning_ray(view: np.ndarray, projection: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """World-space ray (origin, unit direction) that the refraction camera is made for.
 
-    For an upright camera that is the bottom edge. A rolled or upside-down camera has its
-    lowest edge elsewhere; with ties (looking straight down) the bottom edge is taken.
+    Perspective: the middle of the picture's lowest edge (-J of the thesis). For an upright camera that
+    is the bottom edge. A rolled or upside-down camera has its lowest edge elsewhere; with ties
+    (looking straight down) the bottom edge is taken. Orthographic: the middle of the picture. All its
+    rays are refracted alike, and about its middle the turned picture stays best within its texture.
     """
     to_world = np.linalg.inv(view)
+    candidates = ((0.0, -1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+    if is_orthographic(projection):
+        candidates = ((0.0, 0.0),)
     best = None
-    for ndc in ((0.0, -1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
+    for ndc in candidates:
         origin, direction = ray_through(projection, np.array(ndc))
         origin = to_world[:3, :3] @ origin + to_world[:3, 3]
         direction = to_world[:3, :3] @ direction
-        # The origins are one in a perspective camera, the directions in an orthographic one.
-        steepness, height = direction[2], origin[2]
-        if (
-            best is None
-            or steepness < best[0] - 1e-9
-            or (steepness < best[0] + 1e-9 and height < best[1] - 1e-9)
-        ):
-            best = (steepness, height, origin, direction)
-    return best[2], best[3]
+        if best is None or direction[2] < best[1][2] - 1e-9:
+            best = (origin, direction)
+    return best
 
 
 def refraction_view(view: np.ndarray, projection: np.ndarray, level: float, n12: float) -> np.ndarray:
     """View of the refraction camera: the camera turned about O by the angle between I and R.
 
-    O is where the ray of the bottom centre of the picture meets the plane z = level (eq. 1), I that
-    ray's direction and R its refraction: so the bottom centre shows just what is seen through O.
+    O is where `turning_ray`, that of the bottom centre of the picture, meets the plane z = level (eq. 1), I
+    that ray's direction and R its refraction: so the bottom centre shows just what is seen through O.
     Where that ray misses the water (looking up, or from below it) the camera itself is returned. The
     rays of an orthographic camera have no beginning: they meet the plane wherever the camera stands.
     """
-    origin, incident = lowest_edge_ray(view, projection)
+    origin, incident = turning_ray(view, projection)
     height = origin[2] - level
     if incident[2] >= -1e-6 or (height <= 0.0 and not is_orthographic(projection)):
         return view

@@ -177,22 +177,23 @@ def where_it_meets(origin, direction, level):
 @every_projection
 @given(view=cameras_above, level=st.floats(-1000, 1000))
 def test_refracted_ray_of_the_lowest_edge_goes_through_the_same_point(projection, view, level):
-    """The middle of the refraction picture's lowest edge shows O, and looks along the refracted ray."""
+    """The refraction picture shows O where the main one does, and looks along the refracted ray there.
+
+    That place is the middle of the lowest edge, or of an orthographic picture itself.
+    """
     lift = np.eye(4)
     lift[2, 3] = -level
     view = view @ lift  # the camera's height is above the plane, wherever that is
+    eyeless = cameras.is_orthographic(projection)
+    edges = ((0.0, 0.0),) if eyeless else ((0.0, -1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
     edge = min(
-        (np.array(ndc) for ndc in ((0.0, -1.0), (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0))),
-        key=lambda ndc: (
-            round((view[:3, :3].T @ cameras.ray_through(projection, ndc)[1])[2], 9),
-            round((np.linalg.inv(view) @ np.append(cameras.ray_through(projection, ndc)[0], 1.0))[2], 9),
-        ),
+        (np.array(ndc) for ndc in edges),
+        key=lambda ndc: round((view[:3, :3].T @ cameras.ray_through(projection, ndc)[1])[2], 9),
     )
     origin, direction = cameras.ray_through(projection, edge)
     to_world = np.linalg.inv(view)
     origin, incident = (to_world @ np.append(origin, 1.0))[:3], to_world[:3, :3] @ direction
     turned = cameras.refraction_view(view, projection, level, N12)
-    eyeless = cameras.is_orthographic(projection)
     if incident[2] >= -1e-6 or (origin[2] <= level and not eyeless):
         np.testing.assert_array_equal(turned, view)
         return
@@ -256,12 +257,25 @@ def test_upside_down_camera_uses_the_edge_that_is_lowest_in_the_world():
     np.testing.assert_allclose(rolled[2], upright[2], atol=1e-9)
 
 
-def test_upside_down_orthographic_camera_turns_about_its_low_edge():
-    """All rays are parallel there: only the height of an edge tells which one is low."""
+@pytest.mark.parametrize("roll", [0.3, np.pi / 2, np.pi])
+def test_rolling_an_orthographic_camera_turns_its_refraction_camera_about_the_same_point(roll):
     position, projection = (0.0, 0.0, 10.0), orthographic()
     upright = cameras.refraction_view(view_of(position, pitch=-0.6), projection, 0.0, N12)
-    rolled = cameras.refraction_view(view_of(position, pitch=-0.6, roll=np.pi), projection, 0.0, N12)
+    rolled = cameras.refraction_view(view_of(position, pitch=-0.6, roll=roll), projection, 0.0, N12)
     np.testing.assert_allclose(cameras.eye_position(rolled), cameras.eye_position(upright), atol=1e-9)
+
+
+def test_orthographic_refraction_picture_stays_centred():
+    """What the picture's four corners see of the water is spread evenly about the middle of the texture."""
+    view, projection = view_of((0.0, 0.0, 10.0), pitch=-0.6), orthographic()
+    turned = cameras.refraction_view(view, projection, 0.0, N12)
+    corners = []
+    for ndc in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+        origin, direction = cameras.ray_through(projection, np.array(ndc))
+        to_world = np.linalg.inv(view)
+        hit = where_it_meets(to_world[:3, :3] @ origin + to_world[:3, 3], to_world[:3, :3] @ direction, 0.0)
+        corners.append(cameras.to_ndc(projection, turned[:3, :3] @ hit + turned[:3, 3])[:2])
+    np.testing.assert_allclose(np.mean(corners, axis=0), 0.0, atol=1e-9)
 
 
 def test_orthographic_camera_refracts_its_direction_also_when_its_low_edge_starts_in_the_water():
