@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,9 @@ from lake_water_addon.core.snapshot import (
     WaterSettings,
 )
 from lake_water_addon.core.waves import SineWave
+
+_versions = itertools.count(1)
+"""Whatever is made gets a version of its own: a renderer may be used for one scene after another."""
 
 SKY_RADIANCE = np.array([0.5, 0.6, 0.8])
 LAKE_WAVES = (
@@ -60,7 +64,7 @@ def grid_mesh(key, resolution, half_size, height=0.0, color=None) -> Mesh:
         colors[:, :3] = color(x, y).reshape(-1, 3)
     return Mesh(
         key,
-        1,
+        next(_versions),
         np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32),
         normals.reshape(-1, 3).astype(np.float32),
         None,
@@ -89,7 +93,7 @@ def box_mesh(key, half_extents) -> Mesh:
             triangles += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
     return Mesh(
         key,
-        1,
+        next(_versions),
         (np.array(positions) * half_extents).astype(np.float32),
         np.array(normals, np.float32),
         None,
@@ -117,11 +121,13 @@ def water(location=(0.0, 0.0, 0.0), half_size=30.0, resolution=129, **settings) 
 def snapshot(meshes, materials, draws, waters=(), sky=None, sun=None, time=1.0) -> SceneSnapshot:
     """draws: (mesh, material, matrices) each."""
     return SceneSnapshot(
-        1,
+        next(_versions),
         time,
         {m.key: m for m in meshes},
         {m.key: m for m in materials},
-        tuple(Draw(mesh, 0, material, np.stack(matrices), 1) for mesh, material, matrices in draws),
+        tuple(
+            Draw(mesh, 0, material, np.stack(matrices), next(_versions)) for mesh, material, matrices in draws
+        ),
         sky or constant_sky(),
         sun,
         tuple(waters),
@@ -154,12 +160,30 @@ def look_at(position, target, size=(160, 120), fov=0.9, near=0.1, far=1000.0, or
 def moved(scene: SceneSnapshot, camera: Camera, offset) -> tuple[SceneSnapshot, Camera]:
     """The scene and its camera somewhere else in the world."""
     shift = translation(*offset)
-    draws = tuple(replace(d, matrices=shift @ d.matrices) for d in scene.draws)
+    draws = tuple(replace(d, matrices=shift @ d.matrices, version=next(_versions)) for d in scene.draws)
     waters = tuple(replace(w, matrix=shift @ w.matrix) for w in scene.waters)
     return (
-        replace(scene, draws=draws, waters=waters),
+        replace(scene, version=next(_versions), draws=draws, waters=waters),
         replace(camera, view=camera.view @ np.linalg.inv(shift)),
     )
+
+
+def with_water(scene: SceneSnapshot, **settings) -> SceneSnapshot:
+    """The scene with other settings of its water bodies."""
+    waters = tuple(replace(w, settings=replace(w.settings, **settings)) for w in scene.waters)
+    return replace(scene, version=next(_versions), waters=waters)
+
+
+def position_coded(mesh: Mesh) -> Mesh:
+    """The mesh with its positions, up to 8 m from the origin, as vertex colours: a texel tells its place."""
+    colors = np.ones((len(mesh.positions), 4), np.float32)
+    colors[:, :3] = mesh.positions / 16.0 + 0.5
+    return replace(mesh, colors=colors, version=next(_versions))
+
+
+def decoded_positions(colors: np.ndarray) -> np.ndarray:
+    """Positions in m (..., 3) of `position_coded` colours under a sky of radiance 1; half floats: to 8 mm."""
+    return (colors[..., :3] - 0.5) * 16.0
 
 
 def checkered(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -1,0 +1,379 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Whole pictures against closed forms and physical invariants."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lake_water_addon.core import optics, waves
+from tests.gpu import scenes
+from tests.gpu.pictures import SIZE, draw, draw_textures, planned
+
+BED_ALBEDO = np.array([0.7, 0.5, 0.3])
+VIEW = scenes.look_at((14, -14, 6), (0, 0, -0.5))
+
+
+def shifted_lens(camera, x, y):
+    projection = camera.projection.copy()
+    projection[0, 2] += x
+    projection[1, 2] += y
+    return replace(camera, projection=projection)
+
+
+STEEP_ENOUGH = {
+    "perspective": scenes.look_at((1, -8, 6), (0, 0, 0), fov=0.8),
+    "shifted lens": shifted_lens(scenes.look_at((1, -8, 7), (0, 0, 0), fov=0.8), 0.3, -0.2),
+    "straight down": scenes.look_at((1, -8, 6), (1, -8, 0), fov=0.8),
+    "orthographic": scenes.look_at((1, -8, 7), (0, 0, 0), ortho=10.0),
+}
+
+
+def even_pond(waves_of_pond, depth=3.0, level=0.0, **settings):
+    """Water over a level bottom of one albedo, under a sky of one radiance: each pixel has a closed form."""
+    bed = scenes.grid_mesh("bed", 2, 400.0, level - depth)
+    sand = scenes.Material("sand", BED_ALBEDO)
+    options = {"k": 0.4, "water_color": (0.02, 0.1, 0.08), "waves": waves_of_pond, **settings}
+    body = scenes.water((0, 0, level), half_size=20.0, resolution=512 if waves_of_pond else 2, **options)
+    return scenes.snapshot((bed,), (sand,), (("bed", "sand", [np.eye(4)]),), (body,))
+
+
+def closed_form(scene, camera, depth):
+    """(h, w, 3) radiance by Snell, Beer-Lambert and Schlick, ray by ray, without a texture or a GPU."""
+    (body,) = scene.waters
+    settings = body.settings
+    packed = waves.pack(settings.waves, scene.time, settings.depth, body.heading)
+    width, height = SIZE
+    y, x = np.meshgrid(
+        2 * (np.arange(height) + 0.5) / height - 1, 2 * (np.arange(width) + 0.5) / width - 1, indexing="ij"
+    )
+    ends = []
+    for z in (-1.0, 0.9):
+        clip = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z), np.ones(x.size)])
+        point = clip @ np.linalg.inv(camera.projection @ camera.view).T
+        ends.append(point[:, :3] / point[:, 3:])
+    origin, direction = ends[0], ends[1] - ends[0]
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    assert np.all(direction[:, 2] < -0.1), "every pixel has to see the water"
+    at = -(origin[:, 2] - body.level) / direction[:, 2]
+    for _ in range(50):  # along the ray to the waves: a contraction, as they are far flatter than the rays
+        surface = origin + at[:, None] * direction
+        above = surface[:, 2] - body.level - waves.height(packed, surface[:, :2])
+        at = at - above / direction[:, 2]
+    normal = waves.normal(packed, surface[:, :2])
+    refracted, _ = optics.refract_direction(direction, normal, 1.0 / settings.ior)
+    path = (surface[:, 2] - body.level + depth) / -refracted[:, 2]
+    bottom = BED_ALBEDO * scenes.SKY_RADIANCE
+    color = np.array(settings.water_color)
+    through = color + np.exp(-settings.k * path)[:, None] * (bottom - color)
+    f = ((settings.ior - 1.0) / (settings.ior + 1.0)) ** 2
+    cosine = -np.sum(direction * normal, axis=1, keepdims=True)
+    fresnel = f + (1.0 - f) * (1.0 - cosine) ** settings.q
+    return ((1.0 - fresnel) * through + fresnel * scenes.SKY_RADIANCE).reshape(height, width, 3)
+
+
+@pytest.mark.parametrize("camera", STEEP_ENOUGH.values(), ids=STEEP_ENOUGH)
+def test_flat_water_over_a_level_bottom(renderer, camera):
+    """Every pixel to 0.002 (the bottom's depth is that of a texel's middle), the mean to 0.0005."""
+    scene = even_pond((), depth=3.0)
+    error = np.abs(draw(renderer, scene, camera)[..., :3] - closed_form(scene, camera, 3.0))
+    assert error.max() < 2e-3 and error.mean() < 5e-4, (error.max(), error.mean())
+
+
+@pytest.mark.parametrize("level", [0.0, 137.0])
+@pytest.mark.parametrize("camera", STEEP_ENOUGH.values(), ids=STEEP_ENOUGH)
+def test_waves_over_a_level_bottom(renderer, camera, level):
+    """99 of 100 pixels to 0.005 with 8 steps: the grid's triangles stand in for the waves' curve."""
+    _, camera = scenes.moved(even_pond(()), camera, (0, 0, level))
+    scene = even_pond(scenes.LAKE_WAVES, depth=2.0, level=level)
+    picture = draw(renderer, scene, camera, intersection_steps=8, fov_ext=2.0, texture_size=512)
+    error = np.abs(picture[..., :3] - closed_form(scene, camera, 2.0))
+    assert np.quantile(error, 0.99) < 5e-3 and error.mean() < 1e-3, (np.quantile(error, 0.99), error.mean())
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.1, 2.4])
+@pytest.mark.parametrize("k", [0.0, 2.0, 1000.0])
+def test_flat_water_of_other_liquids(renderer, ior, k):
+    scene = even_pond((), depth=3.0, ior=ior, k=k, q=4.5)
+    camera = STEEP_ENOUGH["perspective"]
+    error = np.abs(draw(renderer, scene, camera, fov_ext=2.5)[..., :3] - closed_form(scene, camera, 3.0))
+    assert error.max() < 2e-3, error.max()
+
+
+def test_water_that_neither_bends_nor_absorbs_nor_mirrors_is_not_there(renderer):
+    """ior = 1 (so f = 0), k = 0, and q = 100: the picture of the scene without water, but for edges."""
+    scene = scenes.pond(ior=1.0, k=0.0, q=100.0, waves=())
+    camera = scenes.look_at((6, -14, 12), (0, 0, -0.5))
+    with_water = draw(renderer, scene, camera, texture_size=1024, fov_ext=1.1)
+    without = draw(renderer, replace(scene, version=-1, waters=()), camera)
+    error = np.abs(with_water - without).max(axis=-1)
+    assert error.mean() < 0.01, error.mean()
+    assert np.mean(error > 0.1) < 0.03, "more than edges differ"
+
+
+def test_dense_water_shows_its_own_colour(renderer):
+    scene = scenes.pond(ior=1.0, k=1000.0, q=100.0, waves=(), water_color=(0.1, 0.2, 0.3))
+    camera = scenes.look_at((0, -14, 12), (0, -8, 0), fov=0.3)
+    picture = draw(renderer, scene, camera)[..., :3]
+    np.testing.assert_allclose(picture, np.broadcast_to([0.1, 0.2, 0.3], picture.shape), atol=1e-4)
+
+
+def two_coloured_boxes(mirrored=False):
+    """Boxes over the water, on the right: green above, red below; or their mirror images, upside down."""
+    box = scenes.box_mesh("box", (1.0, 1.0, 0.75))
+    side = -1.0 if mirrored else 1.0
+    flip = np.diag([1.0, 1.0, side, 1.0])
+    places = [(4.0, 0.0), (5.5, 5.0)]
+    upper = [scenes.translation(x, y, side * 3.0) @ flip for x, y in places]
+    lower = [scenes.translation(x, y, side * 1.5) @ flip for x, y in places]
+    green, red = (
+        scenes.Material("green", np.array([0.1, 0.8, 0.1])),
+        scenes.Material("red", np.array([0.8, 0.1, 0.1])),
+    )
+    # Draws whose matrices mirror and draws whose matrices do not are kept apart by the extraction, too.
+    waters = () if mirrored else (scenes.water(half_size=60.0, q=0.0),)
+    return scenes.snapshot((box,), (green, red), (("box", "green", upper), ("box", "red", lower)), waters)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        scenes.look_at((0, -16, 5), (1, 0, 0)),
+        scenes.look_at((0, -16, 0.4), (1, 0, 0)),
+        scenes.look_at((0, -16, 8), (1, 0, 0), ortho=18.0),
+    ],
+    ids=["perspective", "near the water", "orthographic"],
+)
+def test_mirror_shows_the_mirrored_scene(renderer, camera):
+    """q = 0 is a perfect mirror: below the horizon the picture is that of the boxes turned upside down."""
+    mirror = draw(renderer, two_coloured_boxes(), camera, texture_size=512, fov_ext=1.1)
+    above = draw(renderer, replace(two_coloured_boxes(), waters=()), camera)
+    below = draw(renderer, two_coloured_boxes(mirrored=True), camera)
+    sky = np.append(scenes.SKY_RADIANCE, 1.0)
+    hides_water = np.abs(above - sky).max(axis=-1) > 1e-3
+    expected = np.where(hides_water[..., None], above, below)
+    error = np.abs(mirror - expected).max(axis=-1)
+    assert np.mean(np.abs(below - sky).max(axis=-1) > 0.1) > 0.02, "no mirror image in the picture"
+    assert np.mean(error > 0.05) < 0.015, "more than the edges of the mirror image differ"
+    columns = np.nonzero((mirror[..., 0] > 2 * mirror[..., 2]).any(axis=0))[0]
+    assert columns.min() > SIZE[0] / 2, "red belongs to the right of the picture, in the mirror, too"
+
+
+@pytest.mark.parametrize("offset", [(0, 0, 137.0), (1e5, -1e5, 0.0), (1e5, 2e5, -3e3)])
+def test_scene_elsewhere_in_the_world_looks_the_same(renderer, offset):
+    here = draw(renderer, scenes.pond(), VIEW)
+    there = draw(renderer, *scenes.moved(scenes.pond(), VIEW, offset))
+    error = np.abs(here - there).max(axis=-1)
+    assert error.mean() < 1e-4 and np.mean(error > 0.02) < 0.002, (error.mean(), np.mean(error > 0.02))
+
+
+def test_border_render_is_the_part_of_the_whole(renderer):
+    """The window (0.25, 0.25)-(0.75, 0.75) at half the size is those pixels of the whole picture."""
+    scene = scenes.pond()
+    whole = draw(renderer, scene, VIEW)
+    part = draw(renderer, scene, VIEW, size=(80, 60), window=(0.25, 0.25, 0.75, 0.75))
+    error = np.abs(part - whole[30:90, 40:120]).max(axis=-1)
+    assert error.mean() < 1e-4 and np.mean(error > 0.02) < 0.005, (error.mean(), np.mean(error > 0.02))
+
+
+def test_reflection_of_a_scene_without_water_and_water_without_a_scene(renderer):
+    """Both are drawn: the one shows no water, the other mirrors the sky and is else of the water's colour."""
+    dry = draw(renderer, replace(scenes.pond(), version=-2, waters=()), VIEW)
+    assert np.isfinite(dry).all()
+    camera = STEEP_ENOUGH["straight down"]
+    empty = scenes.snapshot((), (), (), (scenes.water(water_color=(0.1, 0.2, 0.3), k=0.0, q=100.0),))
+    picture = draw(renderer, empty, camera)[..., :3]
+    f = ((1.333 - 1) / (1.333 + 1)) ** 2
+    np.testing.assert_allclose(
+        picture,
+        np.broadcast_to((1 - f) * np.array([0.1, 0.2, 0.3]) + f * scenes.SKY_RADIANCE, picture.shape),
+        atol=5e-4,
+    )
+
+
+EXTREMES = {
+    "steep waves": {"settings": {"waves": scenes.STEEP_WAVES}},
+    "many waves": {"settings": {"waves": scenes.LAKE_WAVES * 8}},
+    "k = 1000": {"settings": {"k": 1000.0}},
+    "k = 0": {"settings": {"k": 0.0}},
+    "q = 0": {"settings": {"q": 0.0, "waves": ()}},
+    "q = 100": {"settings": {"q": 100.0}},
+    "c = 0": {"settings": {"c": 0.0}},
+    "c = 100": {"settings": {"c": 100.0, "waves": scenes.STEEP_WAVES}},
+    "ior = 1": {"settings": {"ior": 1.0}},
+    "ior = 4": {"settings": {"ior": 4.0}},
+    "fov_ext = 1": {"fov_ext": 1.0},
+    "fov_ext = 3": {"fov_ext": 3.0},
+    "tiny textures": {"texture_size": 16},
+    "one step": {"intersection_steps": 1},
+    "sixteen steps": {"intersection_steps": 16, "settings": {"waves": scenes.STEEP_WAVES}},
+    "orthographic": {"camera": scenes.look_at((14, -14, 6), (0, 0, 0), ortho=20.0)},
+    "orthographic level": {"camera": scenes.look_at((14, -14, 0.5), (0, 0, 0.499), ortho=20.0)},
+    "1 cm above": {"camera": scenes.look_at((6, -6, 0.01), (0, 0, 0)), "settings": {"waves": ()}},
+    "straight down": {"camera": scenes.look_at((1, -8, 6), (1, -8, 0)), "settings": {"waves": ()}},
+    "looking up": {"camera": scenes.look_at((6, -6, 1), (0, 0, 12))},
+    "just above the horizon": {"camera": scenes.look_at((6, -6, 1), (0, 0, 3.55))},
+    "inside a post": {"camera": scenes.look_at((0, 0, 1), (5, 5, 0))},
+    "near clip 1 um": {"camera": scenes.look_at((14, -14, 6), (0, 0, 0), near=1e-6)},
+    "one cell": {"resolution": 2},
+}
+
+
+@pytest.mark.parametrize("case", EXTREMES.values(), ids=EXTREMES)
+def test_no_pixel_is_undefined_at_the_extremes(renderer, case):
+    """Finite, not negative, not brighter than the light: the picture and the textures that it looks up."""
+    case = dict(case)
+    scene = scenes.pond(**case.pop("settings", {}))
+    camera = case.pop("camera", VIEW)
+    if resolution := case.pop("resolution", None):
+        body = replace(scene.waters[0], grid=(resolution, *scene.waters[0].grid[1:]))
+        scene = replace(scene, waters=(body,))
+    picture = draw(renderer, scene, camera, **case)
+    _, refraction, depth, reflection = draw_textures(renderer, scene, camera, **case)
+    for name, pixels in (
+        ("picture", picture),
+        ("refraction", refraction),
+        ("depth", depth),
+        ("reflection", reflection),
+    ):
+        bad = int(np.sum(~np.isfinite(pixels)))
+        assert bad == 0, f"{bad} undefined values in the {name}"
+        assert pixels.min() >= 0.0, f"the {name} goes down to {pixels.min()}"
+    brightest = 1.0 * np.max(scenes.SKY_RADIANCE + 3.0 / np.pi)
+    assert picture[..., :3].max() <= brightest, (
+        f"brighter ({picture[..., :3].max()}) than all the light there is"
+    )
+
+
+# The water line: which side of the waves the textures show.
+
+
+def shore_with_boxes(waves_of_lake, slope):
+    """A sloping shore and boxes across the water line; every texel's colour tells its position."""
+    meshes = [scenes.grid_mesh("shore", 65, 7.0, lambda x, y: slope * y)]
+    for i, place in enumerate([(-3, -2, 0), (2, -3, 0.5), (3.5, 2, -0.3)]):
+        box = scenes.box_mesh(f"box {i}", (1.0, 1.0, 2.0))
+        meshes.append(replace(box, positions=box.positions + np.float32(place)))
+    coded = scenes.Material("coded", np.ones(3), use_color_attribute=True)
+    return scenes.snapshot(
+        [scenes.position_coded(m) for m in meshes],
+        (coded,),
+        [(m.key, "coded", [np.eye(4)]) for m in meshes],
+        (scenes.water(half_size=7.0, waves=waves_of_lake),),
+        sky=scenes.constant_sky((1.0, 1.0, 1.0)),
+    )
+
+
+def grown(mask):
+    """The mask with all eight neighbours of its texels."""
+    padded = np.pad(mask, 1)
+    n, m = mask.shape
+    return np.any([padded[y : y + n, x : x + m] for y in range(3) for x in range(3)], axis=0)
+
+
+HIGH_WAVES = (scenes.SineWave(0.25, 3.0, 0.3), scenes.SineWave(0.15, 1.7, -0.8, 1.0))
+
+
+@pytest.mark.parametrize("slope", [0.1, 0.4])
+@pytest.mark.parametrize("waves_of_lake", [(), scenes.LAKE_WAVES, HIGH_WAVES], ids=["flat", "lake", "high"])
+@pytest.mark.parametrize(
+    ("camera", "allowed"),
+    [
+        (scenes.look_at((0, -6, 9), (0, 0, 0), ortho=14.0), 0.001),
+        (scenes.look_at((1, -8, 8), (0, 0, 0)), 0.001),
+        # Near the horizon a wave is smaller than a texel, and the shore's rim is seen edge on.
+        (scenes.look_at((-6, -9, 1.2), (0, 0, 0)), 0.01),
+    ],
+    ids=["orthographic", "from above", "low"],
+)
+def test_textures_keep_to_their_side_of_the_waves(renderer, camera, allowed, waves_of_lake, slope):
+    """The refraction texture shows nothing above the waves, the reflection texture nothing below them.
+
+    A texel of the other side next to one of the right side (in all eight directions) is the margin
+    for the filter. Beyond it, at the rims of objects, `allowed` of the covered texels may be wrong.
+    """
+    scene = shore_with_boxes(waves_of_lake, slope)
+    plan, refraction, _, reflection = draw_textures(renderer, scene, camera, fov_ext=1.2)
+    is_sky = np.abs(reflection[..., :3] - 1.0).max(axis=-1) < 1e-3
+    for name, texture, keep, covered in (
+        ("refraction", refraction, 1.0, refraction[..., 3] > 0.5),
+        ("reflection", reflection, -1.0, (reflection[..., 3] > 0.5) & ~is_sky),
+    ):
+        position = scenes.decoded_positions(texture)
+        depth = waves.height(plan.bodies[0].packed_waves, position[..., :2]) - position[..., 2]
+        wrong = covered & (keep * depth < -0.012)  # half floats hold a position to 8 mm
+        beyond = np.sum(wrong & ~grown(covered & ~wrong)) / covered.sum()
+        assert covered.sum() > 5000
+        assert beyond <= allowed, f"{beyond:.2%} of the {name} texture show the wrong side of the water"
+
+
+# What a frame makes and keeps.
+
+
+def test_unchanged_frame_makes_nothing(renderer):
+    scene = scenes.pond()
+    for _ in range(2):
+        renderer.resources.reset_counts()
+        draw(renderer, scene, VIEW)
+    assert dict(renderer.resources.made) == {}
+
+
+def test_only_the_time_and_the_camera_change_nothing_is_made(renderer):
+    """An animation of waves and camera uploads matrices and phases, into the buffers that are there."""
+    scene = scenes.pond()
+    draw(renderer, scene, VIEW)
+    renderer.resources.reset_counts()
+    first = draw(renderer, scene, VIEW)
+    later = draw(renderer, replace(scene, time=1.7), VIEW)
+    elsewhere = draw(renderer, scene, scenes.look_at((-14, -14, 6), (0, 0, 0)))
+    assert dict(renderer.resources.made) == {}
+    assert np.abs(first - later).mean() > 1e-3, "the waves stand still"
+    assert np.abs(first - elsewhere).mean() > 1e-2, "the camera stands still"
+
+
+def test_changed_scene_uploads_what_is_new(renderer):
+    """Another version of one mesh: one vertex and one index buffer, and the picture shows it."""
+    scene = scenes.pond()
+    before = draw(renderer, scene, VIEW)
+    meshes = dict(scene.meshes)
+    meshes["crate"] = replace(scenes.box_mesh("crate", (3.0, 3.0, 1.0)))
+    renderer.resources.reset_counts()
+    after = draw(renderer, replace(scene, version=-3, meshes=meshes), VIEW)
+    assert renderer.resources.made["shaders"] == 0 and renderer.resources.made["batches"] == 1
+    assert np.abs(before - after).mean() > 1e-3
+
+
+def test_memory_is_flat_over_200_frames(renderer):
+    """Resident memory after 20 frames and after 200 more: at most 2 MB apart."""
+
+    def resident():
+        with open("/proc/self/statm", encoding="ascii") as statm:
+            return int(statm.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    scene = scenes.pond()
+
+    def frames(first, count):
+        for i in range(first, first + count):
+            angle = 0.05 * i
+            camera = scenes.look_at((14 * np.cos(angle), 14 * np.sin(angle), 5), (0, 0, 0))
+            draw(renderer, replace(scene, time=i / 24.0), camera, size=(32, 24), texture_size=32)
+
+    frames(0, 20)
+    before = resident()
+    frames(20, 200)
+    grown_by = resident() - before
+    assert grown_by < 2_000_000, f"{grown_by / 1e6:.1f} MB more after 200 frames"
+
+
+def test_planning_says_why_nothing_is_drawn(renderer):
+    """Water behind the camera costs no texture pass: the timer has no entry for one."""
+    from lake_water_addon.render.frame import PassTimer
+
+    away = scenes.look_at((40, -40, 6), (80, -80, 8))
+    plan = planned(scenes.pond(), away)
+    assert plan.bodies[0].reason == "out of the picture"
+    timer = PassTimer()
+    target = renderer.targets.get(("test", SIZE), SIZE, ("RGBA32F",))
+    renderer.draw_picture(plan, target, timer)
+    assert "refraction" not in timer.seconds and "reflection" not in timer.seconds
