@@ -80,7 +80,8 @@ def _copy_settings(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -
 
 
 def _copy_curves(source: bpy.types.CurveMapping, target: bpy.types.CurveMapping) -> None:
-    for name in ("black_level", "white_level", "clip_min_x", "clip_min_y", "clip_max_x", "clip_max_y", "use_clip"):
+    clips = ("clip_min_x", "clip_min_y", "clip_max_x", "clip_max_y", "use_clip")
+    for name in ("black_level", "white_level", *clips):
         setattr(target, name, getattr(source, name))
     for from_curve, to_curve in zip(source.curves, target.curves, strict=True):
         while len(to_curve.points) < len(from_curve.points):

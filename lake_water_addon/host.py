@@ -89,7 +89,8 @@ class Host:
         )
         self.report.planning_s += time.perf_counter() - start
         self.report.water_drawn = tuple(
-            f"{body.body.name}: {'drawn' if body.drawn else 'not drawn'}, {body.reason}" for body in plan.bodies
+            f"{body.body.name}: {'drawn' if body.drawn else 'not drawn'}, {body.reason}"
+            for body in plan.bodies
         )
         return plan
 
@@ -111,6 +112,7 @@ class Host:
         report = self.report
         lines = [f"{self.frames_per_second():.1f} fps, water frame {1000 * report.frame_s:.1f} ms"]
         lines += [f"{name}: {1000 * seconds:.1f} ms" for name, seconds in report.passes.items()]
-        lines.append(f"extraction: {1000 * report.extraction_s:.1f} ms, planning: {1000 * report.planning_s:.1f} ms")
+        lines.append(f"extraction: {1000 * report.extraction_s:.1f} ms")
+        lines.append(f"planning: {1000 * report.planning_s:.1f} ms")
         lines += report.water_drawn
         return lines

@@ -287,7 +287,11 @@ class LAKE_WATER_OT_wave_add(_WaveOperator, bpy.types.Operator):
     bl_label = "Add Wave"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        water_objects.add_wave(shown_water(context))
+        try:
+            water_objects.add_wave(shown_water(context))
+        except water_objects.WaterError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         return {"FINISHED"}
 
 

@@ -23,7 +23,8 @@ from .host import Host
 from .render.frame import PassTimer
 
 TEXT_SIZE = 11.0
-TEXT_MARGIN = 20.0
+TEXT_INDENT = 60.0
+TEXT_TOP = 130.0  # below the view's own text, and away from the redo panel
 
 
 class _State:
@@ -102,8 +103,10 @@ def _draw_statistics() -> None:
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0.0, 0.0, 0.0, 0.8)
-    for i, line in enumerate(reversed(lines)):
-        blf.position(0, TEXT_MARGIN * scale, (TEXT_MARGIN + 1.5 * TEXT_SIZE * i) * scale, 0.0)
+    for i, line in enumerate(lines):
+        blf.position(
+            0, TEXT_INDENT * scale, context.region.height - (TEXT_TOP + 1.5 * TEXT_SIZE * i) * scale, 0.0
+        )
         blf.draw(0, line)
     blf.disable(0, blf.SHADOW)
 

@@ -17,7 +17,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from .core.snapshot import WaterSettings
-from .core.waves import SineWave
+from .core.waves import MAX_WAVES, SineWave
 
 MAX_TILT = math.radians(1.0)
 MAX_UNEVENNESS = 0.1  # height of a water mesh over its horizontal size
@@ -77,9 +77,14 @@ def set_waves(obj: bpy.types.Object, waves: Iterable[SineWave]) -> None:
 
 
 def add_wave(obj: bpy.types.Object) -> None:
-    """Append a wave like the active one, 0.7 times as long and high, turned by 40 degrees; make it active."""
+    """Append a wave like the active one, 0.7 times as long and high, turned by 40 degrees; make it active.
+
+    Raises WaterError when the surface has as many waves as the shader can sum.
+    """
     settings = obj.lake_water
     count = len(settings.waves)
+    if count >= MAX_WAVES:
+        raise WaterError(f'"{obj.name}" has {count} waves, and no more can be summed: remove one first')
     wave = settings.waves.add()
     if count:
         source = settings.waves[min(settings.active_wave, count - 1)]

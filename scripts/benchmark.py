@@ -18,7 +18,9 @@ from collections import defaultdict
 from pathlib import Path
 
 import bpy
-import gpu
+from _console import Console
+from _frame_files import RenderProblem
+from _gpu_start import machine, require_gpu
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -34,7 +36,7 @@ GRIDS = (49, 128, 256, 512, 1024)
 
 
 def resolution(text: str) -> tuple[int, int]:
-    """"640x480" -> (640, 480)."""
+    """ "640x480" -> (640, 480)."""
     width, _, height = text.lower().partition("x")
     try:
         size = int(width), int(height)
@@ -53,11 +55,13 @@ def positive(text: str) -> int:
 
 
 def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     commands = parser.add_subparsers(dest="command", required=True)
-    frames = commands.add_parser("frames", help="time of each pass, of the frame, and of the scene without water")
+    frames = commands.add_parser("frames", help="time of each pass and of the frame, with water and without")
     frames.add_argument("--repeats", type=positive, default=30, help="frames of each kind (default 30)")
-    frames.add_argument("--memory-frames", type=positive, default=500, help="frames of the memory test")
+    frames.add_argument("--memory-frames", type=positive, default=500, help="of the memory test")
     frames.add_argument("--resolution", type=resolution, default=(640, 480), metavar="WxH")
     frames.add_argument("--texture-size", type=positive, default=512)
     frames.add_argument("--detail", type=float, default=1.0, help="of the lake; 1 is the thesis's size")
@@ -143,8 +147,7 @@ def measure_frames(options: argparse.Namespace) -> dict:
     return {
         "machine": {
             "processor": platform.processor() or platform.machine(),
-            "renderer": gpu.platform.renderer_get(),
-            "driver": gpu.platform.version_get(),
+            **machine(),
             "blender": bpy.app.version_string,
             "python": platform.python_version(),
         },
@@ -160,7 +163,9 @@ def measure_frames(options: argparse.Namespace) -> dict:
         "median_ms": {name: median_ms(values) for name, values in seconds.items()},
         "ratio_to_scene_without_water": statistics.median(
             with_water / without
-            for with_water, without in zip(seconds["whole frame"], seconds["scene without water"], strict=True)
+            for with_water, without in zip(
+                seconds["whole frame"], seconds["scene without water"], strict=True
+            )
         ),
         "made_in_unchanged_frames": dict(made),
         "grid": measure_grids(bench, options.repeats),
@@ -201,25 +206,30 @@ def measure_memory(bench: FrameBench, frames: int) -> dict:
 
 
 def print_figures(figures: dict) -> None:
-    machine, scene = figures["machine"], figures["scene"]
-    print(f"{machine['renderer']}, {machine['driver']}, Blender {machine['blender']}")
+    device, scene = figures["machine"], figures["scene"]
+    print(f"{device['renderer']}, {device['driver']}, Blender {device['blender']}")
     print(
-        f"{scene['vertices']} vertices in {scene['instances']} instances and {scene['draw_calls']} draw calls, "
+        f"{scene['vertices']} vertices, {scene['instances']} instances, {scene['draw_calls']} draw calls; "
         f"{scene['resolution'][0]} x {scene['resolution'][1]}, textures {scene['texture_size']}²"
     )
     for name, value in figures["median_ms"].items():
         print(f"  {name:22s} {value:9.2f} ms")
     print(f"  whole frame / scene without water: {figures['ratio_to_scene_without_water']:.2f}")
     first = figures["first_frame"]
-    print(f"  first frame {first['frame_s']:.2f} s, of it extraction {first['extraction_s']:.2f} s; made {first['created']}")
+    print(f"  first frame {first['frame_s']:.2f} s, of it extraction {first['extraction_s']:.2f} s")
+    print(f"  made in the first frame: {first['created']}")
     print(f"  made in frames where only the time changed: {figures['made_in_unchanged_frames'] or 'nothing'}")
     for resolution, values in figures["grid"].items():
         print(
-            f"  water grid {resolution:>4s}²: extraction and planning {values['extraction and planning']:.2f} ms, "
+            f"  water grid {resolution:>4s}²: "
+            f"extraction and planning {values['extraction and planning']:.2f} ms, "
             f"whole frame {values['whole frame']:.1f} ms"
         )
     memory = figures["memory"]
-    print(f"  memory over {memory['frames']} frames: {memory['growth_kib']:+.0f} KiB, made {memory['made'] or 'nothing'}")
+    print(
+        f"  memory over {memory['frames']} frames: {memory['growth_kib']:+.0f} KiB, "
+        f"made {memory['made'] or 'nothing'}"
+    )
 
 
 def main() -> int:
@@ -228,9 +238,9 @@ def main() -> int:
         print(f"benchmark: the folder of {options.json} does not exist: make it first", file=sys.stderr)
         return 2
     try:
-        gpu.init()
-    except Exception as error:
-        print(f"benchmark: no graphics context: {error}. Install EGL and Mesa (make setup does)", file=sys.stderr)
+        require_gpu(Console(verbose=False))
+    except RenderProblem as error:
+        print(f"benchmark: {error}", file=sys.stderr)
         return 1
     lake_water_addon.register()
     try:

@@ -16,9 +16,6 @@ import numpy as np
 from . import cameras, waves
 from .snapshot import Camera, SceneSnapshot, WaterBody
 
-MAX_WAVES = 32
-"""Length of the wave array in the shader's uniform buffer."""
-
 CLIP_CLEARANCE = 0.02
 """m: how far the clip planes lie beyond the highest (lowest) wave, the thesis's "little bit"."""
 
@@ -138,13 +135,19 @@ def _plan_body(
     level = float(at[2])
     n12 = 1.0 / settings.ior
     highest = waves.max_height(settings.waves) + CLIP_CLEARANCE
-    packed = waves.pack(settings.waves[:MAX_WAVES], snapshot.time, settings.depth, body.heading)
+    packed = waves.pack(settings.waves[: waves.MAX_WAVES], snapshot.time, settings.depth, body.heading)
 
     visible, reason = _visibility(body, at, highest, packed, drawn)
     wide = cameras.widen(whole.projection, fov_ext)
     refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
     refraction = TexturePass(
-        "refraction", refraction_view, wide, +1, level + highest, visible, f"the bottom seen through it: {reason}"
+        "refraction",
+        refraction_view,
+        wide,
+        +1,
+        level + highest,
+        visible,
+        f"the bottom seen through it: {reason}",
     )
     reflection = TexturePass(
         "reflection",
@@ -184,7 +187,10 @@ def _visibility(
 
 
 def _is_above(camera: Camera, at: np.ndarray, packed: np.ndarray) -> bool:
-    """Whether the camera looks at the water from the air. An orthographic camera is nowhere: its direction decides."""
+    """Whether the camera looks at the water from the air.
+
+    An orthographic camera is nowhere, so its direction decides.
+    """
     if cameras.is_orthographic(camera.projection):
         return bool(camera.view[2, 2] > 0.0)
     eye = cameras.eye_position(camera.view) - at
@@ -209,4 +215,3 @@ def _halton(index: int, base: int) -> float:
         result += fraction * (index % base)
         index //= base
     return result
-

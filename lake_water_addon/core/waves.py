@@ -18,10 +18,13 @@ import numpy as np
 
 GRAVITY = 9.81  # m/s^2
 
+MAX_WAVES = 32
+"""Waves that a surface can have: the length of the array in `gpu_shaders/uniforms_lib.glsl`."""
+
 
 @dataclass(frozen=True)
 class SineWave:
-    """One component. amplitude, wavelength: m; direction: radians from the water frame's +X; phase: radians."""
+    """One component. amplitude, wavelength: m; direction: from the water frame's +X, and phase: radians."""
 
     amplitude: float
     wavelength: float

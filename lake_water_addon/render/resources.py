@@ -37,7 +37,7 @@ class Resources:
         return gpu.shader.create_from_info(info)
 
     def texture(self, size: tuple[int, ...], pixel_format: str, data: np.ndarray | None = None) -> GPUTexture:
-        """data: float32, any shape of the right length, rows from the bottom; None leaves the content undefined."""
+        """data: float32 in any shape, rows from the bottom; None leaves the content undefined."""
         self.made["textures"] += 1
         if data is None:
             return GPUTexture(size, format=pixel_format)

@@ -182,6 +182,10 @@ def _heights(mesh: Mesh, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def image_texture(name: str) -> GPUTexture | None:
     """Blender's own texture of an image, scene-linear; None when it is gone or has no pixels."""
     image = bpy.data.images.get(name)
-    if image is None or not image.has_data and image.size[0] == 0:
+    if image is None or not (image.has_data or image.size[0]):
         return None
-    return gpu.texture.from_image(image)
+    texture = gpu.texture.from_image(image)
+    if gpu.platform.device_type_get() == "SOFTWARE":
+        # Mesa's llvmpipe takes up to 40 s for a frame of 480x270 with it, where a GPU takes next to nothing.
+        texture.anisotropic_filter(False)
+    return texture

@@ -56,7 +56,9 @@ def read_source(name: str, defines: dict[str, str] | None = None, folder: Path =
 def _expand(name: str, defines: dict[str, str], folder: Path, seen: set[str], chain: tuple[str, ...]) -> str:
     path = folder / name
     if not path.is_file():
-        raise ShaderError(f"shader file {name} is missing{' (included by ' + chain[-1] + ')' if chain else ''}")
+        raise ShaderError(
+            f"shader file {name} is missing{' (included by ' + chain[-1] + ')' if chain else ''}"
+        )
     seen.add(name)
     lines = []
     active: list[bool] = []
@@ -127,4 +129,6 @@ class ShaderLibrary:
             return self._resources.shader(info)
         except Exception as error:
             variant = ", ".join(defines) or "no defines"
-            raise ShaderError(f"the graphics driver refused the shader {spec.name} ({variant}): {error}") from error
+            raise ShaderError(
+                f"the graphics driver refused the shader {spec.name} ({variant}): {error}"
+            ) from error

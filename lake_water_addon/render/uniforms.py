@@ -7,8 +7,9 @@ import numpy as np
 from gpu.types import Buffer, GPUUniformBuf
 
 from ..core import cameras, optics
-from ..core.plan import MAX_WAVES, BodyPlan, FramePlan, TexturePass
+from ..core.plan import BodyPlan, FramePlan, TexturePass
 from ..core.snapshot import SceneSnapshot
+from ..core.waves import MAX_WAVES
 from .resources import Resources
 
 BORDER_FADE = 0.03
@@ -63,7 +64,9 @@ def clip_to_direction(view_matrix: np.ndarray, projection: np.ndarray) -> np.nda
     return np.linalg.inv(projection @ rotation)
 
 
-def view(view_matrix: np.ndarray, projection: np.ndarray, keep: int = 0, clip_height: float = 0.0) -> list[np.ndarray]:
+def view(
+    view_matrix: np.ndarray, projection: np.ndarray, keep: int = 0, clip_height: float = 0.0
+) -> list[np.ndarray]:
     """Members of struct View."""
     if cameras.is_orthographic(projection):
         eye = _vec4(view_matrix[2, :3], 1.0)

@@ -8,7 +8,7 @@ import pytest
 
 from lake_water_addon.core import cameras, plan
 from lake_water_addon.core.snapshot import Camera, SceneSnapshot, Sky, WaterBody, WaterSettings
-from lake_water_addon.core.waves import SineWave
+from lake_water_addon.core.waves import MAX_WAVES, SineWave
 
 WAVES = (SineWave(0.3, 4.0, 0.2), SineWave(0.2, 2.0, -0.9, 1.0))
 PROJECTION = np.array([[1.5, 0, 0.1, 0], [0, 2.0, -0.2, 0], [0, 0, -1.0002, -0.20002], [0, 0, -1, 0]])
@@ -201,8 +201,8 @@ def test_scene_without_water_is_planned():
 def test_more_waves_than_the_shader_sums_are_cut_off_and_still_clear_the_clip_plane():
     many = replace(body(), settings=WaterSettings(waves=tuple(SineWave(0.01, 1.0, i) for i in range(50))))
     (water,) = planned(snapshot(many), ABOVE).bodies
-    assert len(water.packed_waves) == plan.MAX_WAVES
-    assert water.refraction.clip_height > plan.MAX_WAVES * 0.01
+    assert len(water.packed_waves) == MAX_WAVES
+    assert water.refraction.clip_height > MAX_WAVES * 0.01
 
 
 def test_jitter_moves_the_picture_by_parts_of_a_pixel():

@@ -116,7 +116,9 @@ class GeometryPainter:
         unless `mark_insides`: then they are drawn with alpha 0.
         """
         clipped = side is not None
-        keep, clip_height, mirrored = (side.keep, side.clip_height, side.mirrored) if clipped else (0, 0.0, False)
+        keep, clip_height, mirrored = (
+            (side.keep, side.clip_height, side.mirrored) if clipped else (0, 0.0, False)
+        )
         with opaque_state(1 if clipped else 0):
             textured = None
             image = None

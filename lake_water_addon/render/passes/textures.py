@@ -31,7 +31,10 @@ def draw_refraction(
     view: GPUUniformBuf,
     water: GPUUniformBuf,
 ) -> None:
-    """What lies below the surface. Back faces of solids are culled before the clip, or their insides would show."""
+    """What lies below the surface.
+
+    Back faces of solids are culled before the clip, or the insides of what it cuts would show.
+    """
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
