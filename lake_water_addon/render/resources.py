@@ -34,7 +34,11 @@ class Resources:
 
     def shader(self, info: GPUShaderCreateInfo) -> GPUShader:
         self.made["shaders"] += 1
-        return gpu.shader.create_from_info(info)
+        shader = gpu.shader.create_from_info(info)
+        # Blender skips the binding of a shader that it believes bound, and knows it by its address. One
+        # made where a freed one lay would draw with the freed one's program: bind another in between.
+        gpu.shader.from_builtin("UNIFORM_COLOR").bind()
+        return shader
 
     def texture(self, size: tuple[int, ...], pixel_format: str, data: np.ndarray | None = None) -> GPUTexture:
         """data: float32 in any shape, rows from the bottom; None leaves the content undefined."""

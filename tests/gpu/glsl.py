@@ -45,6 +45,7 @@ def evaluate(
     import gpu
     from gpu.types import Buffer, GPUShaderCreateInfo, GPUTexture
 
+    from lake_water_addon.render.resources import Resources
     from lake_water_addon.render.shader_library import read_source
 
     count = len(next(iter(inputs.values())))
@@ -114,7 +115,7 @@ void main()
 }}
 """
     )
-    shader = gpu.shader.create_from_info(info)
+    shader = Resources().shader(info)
     shader.bind()
     for name, (_, buffer) in (uniform_buffers or {}).items():
         shader.uniform_block(name, buffer)

@@ -366,6 +366,18 @@ def test_memory_is_flat_over_200_frames(renderer):
     assert grown_by < 2_000_000, f"{grown_by / 1e6:.1f} MB more after 200 frames"
 
 
+def test_renderer_after_renderer_draws_the_same(renderer):
+    """Viewports come and go: a shader that lies where a freed one lay must be bound all the same."""
+    from lake_water_addon.render.frame import FrameRenderer
+
+    scene = scenes.pond()
+    expected = draw(renderer, scene, VIEW, size=(32, 24), texture_size=32)
+    for _ in range(8):
+        np.testing.assert_array_equal(
+            draw(FrameRenderer(), scene, VIEW, size=(32, 24), texture_size=32), expected
+        )
+
+
 def test_planning_says_why_nothing_is_drawn(renderer):
     """Water behind the camera costs no texture pass: the timer has no entry for one."""
     from lake_water_addon.render.frame import PassTimer
