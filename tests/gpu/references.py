@@ -1,0 +1,29 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The views that are kept as pictures in `tests/references/`, drawn on Mesa's software OpenGL."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tests.gpu import scenes
+from tests.gpu.pictures import draw, to_8_bit
+
+FOLDER = Path(__file__).resolve().parents[1] / "references"
+SIZE = (240, 180)
+
+VIEWS = {
+    "from_the_shore": (scenes.look_at((11, -12, 5), (0, -1.5, -0.5), SIZE), {}),
+    "near_the_water": (scenes.look_at((2, -13, 0.6), (0, 0, 0.4), SIZE), {}),
+    "orthographic": (
+        scenes.look_at((10, -14, 14), (0.5, -2, 0), SIZE, ortho=18.0),
+        {"intersection_steps": 6},
+    ),
+}
+
+
+def picture(renderer, name: str) -> np.ndarray:
+    """(h, w, 3) uint8 of the pond in one of the VIEWS."""
+    camera, options = VIEWS[name]
+    return to_8_bit(draw(renderer, scenes.pond(), camera, SIZE, **options))
