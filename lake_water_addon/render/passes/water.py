@@ -91,7 +91,9 @@ class WaterPainter:
                 self._grid(grid[0]).draw(shader)
                 return
             matrix = rebase(body.body.matrix, origin)
-            normals = np.linalg.inv(matrix[:3, :3]).T
+            # The cofactors and not the inverse, which a scale of 0 does not have; as in scene_vert.glsl.
+            a, b, c = matrix[:3, :3]
+            normals = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
             shader.uniform_float("object_matrix", matrix.T.ravel().tolist())
             shader.uniform_float("normal_matrix", normals.T.ravel().tolist())
             for batch in self._scene.parts_of(body.body.mesh):
