@@ -172,6 +172,8 @@ class SceneBuffers:
 
 def _heights(mesh: Mesh, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest z (n,) of the mesh's bounding box under each of the matrices (n, 4, 4)."""
+    if len(mesh.positions) == 0:
+        return matrices[:, 2, 3], matrices[:, 2, 3]
     low, high = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
     center, half = 0.5 * (low + high), 0.5 * (high - low)
     middle = matrices[:, 2, :3] @ center + matrices[:, 2, 3]
