@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draws the pictures of `tests/references/` anew: `python tests/gpu/renew_references.py`. Then look at them."""
+"""Draws the pictures of `tests/references/` anew: `python tests/gpu/renew_references.py`. Look at them."""
 
 import sys
 from pathlib import Path

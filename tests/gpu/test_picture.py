@@ -112,6 +112,44 @@ def test_water_that_neither_bends_nor_absorbs_nor_mirrors_is_not_there(renderer)
     assert np.mean(error > 0.1) < 0.03, "more than edges differ"
 
 
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (2.0, 0.5, 0.0), (-1.0, 1.0, 1.0)])
+def test_water_of_a_mesh_is_that_of_the_grid(renderer, scale):
+    """The same surface as a mesh of the user's, also scaled, flattened (a z scale of 0) or mirrored."""
+    grid = scenes.pond()
+    grid = replace(grid, waters=(replace(grid.waters[0], grid=(513, 30.0, 30.0, 0.0, 0.0)),))
+    sheet = scenes.grid_mesh("sheet", 513, 30.0)
+    sheet = replace(sheet, positions=(sheet.positions / np.where(scale, scale, 1.0)).astype(np.float32))
+    body = replace(grid.waters[0], matrix=np.diag([*scale, 1.0]), grid=None, mesh="sheet")
+    mesh = replace(grid, version=-4, meshes={**grid.meshes, "sheet": sheet}, waters=(body,))
+    if scale[0] < 0:  # the water frame's heading is that of the object's +X
+        body = replace(grid.waters[0], matrix=np.diag([-1.0, -1.0, 1.0, 1.0]))
+        grid = replace(grid, waters=(body,))
+    error = np.abs(draw(renderer, mesh, VIEW) - draw(renderer, grid, VIEW)).max(axis=-1)
+    assert error.mean() < 1e-3 and np.mean(error > 0.02) < 0.01, (error.mean(), np.mean(error > 0.02))
+
+
+def test_meshes_without_vertices_and_zero_scales_are_drawn_as_nothing(renderer):
+    scene = scenes.pond()
+    sheet = scenes.grid_mesh("nothing", 2, 1.0)
+    nothing = replace(
+        sheet,
+        positions=np.zeros((0, 3), np.float32),
+        normals=np.zeros((0, 3), np.float32),
+        parts=(replace(sheet.parts[0], triangles=np.zeros((0, 3), np.int32)),),
+    )
+    more = replace(
+        scene,
+        version=-5,
+        meshes={**scene.meshes, "nothing": nothing},
+        draws=(
+            *scene.draws,
+            replace(scene.draws[0], mesh="nothing", version=-1),
+            replace(scene.draws[1], matrices=np.diag([0.0, 0.0, 0.0, 1.0])[None], version=-2),
+        ),
+    )
+    np.testing.assert_array_equal(draw(renderer, more, VIEW), draw(renderer, scene, VIEW))
+
+
 def test_dense_water_shows_its_own_colour(renderer):
     scene = scenes.pond(ior=1.0, k=1000.0, q=100.0, waves=(), water_color=(0.1, 0.2, 0.3))
     camera = scenes.look_at((0, -14, 12), (0, -8, 0), fov=0.3)
