@@ -28,6 +28,39 @@ def eye_position(view: np.ndarray) -> np.ndarray:
     return -view[:3, :3].T @ view[:3, 3]
 
 
+def to_clip(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Homogeneous clip coordinates (n, 4) of points (n, 3) under a view-projection (4, 4)."""
+    return points @ matrix[:, :3].T + matrix[:, 3]
+
+
+def clip_polygon(polygon: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """The part of a convex polygon (n, 3) that lies in the view volume of a view-projection (4, 4).
+
+    Sutherland and Hodgman's algorithm in clip space; (m, 3) points in the polygon's own space,
+    m = 0 when nothing of it does.
+    """
+    points, clip = np.asarray(polygon, dtype=np.float64), to_clip(matrix, polygon)
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            if len(points) == 0:
+                return points
+            inside = clip[:, 3] - side * clip[:, axis]  # signed distance from this plane
+            if inside.min() >= 0.0:
+                continue
+            kept, kept_clip = [], []
+            for i in range(len(points)):
+                j = (i + 1) % len(points)
+                if inside[i] >= 0.0:
+                    kept.append(points[i])
+                    kept_clip.append(clip[i])
+                if (inside[i] >= 0.0) != (inside[j] >= 0.0):
+                    t = inside[i] / (inside[i] - inside[j])
+                    kept.append(points[i] + t * (points[j] - points[i]))
+                    kept_clip.append(clip[i] + t * (clip[j] - clip[i]))
+            points, clip = np.array(kept).reshape(-1, 3), np.array(kept_clip).reshape(-1, 4)
+    return points
+
+
 def to_ndc(projection: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Normalised device coordinates (..., 3) of camera-space points (..., 3)."""
     clip = points @ projection[:3, :3].T + projection[:3, 3]

@@ -19,13 +19,17 @@ from .snapshot import Camera, SceneSnapshot, WaterBody
 CLIP_CLEARANCE = 0.02
 """m: how far the clip planes lie beyond the highest (lowest) wave, the thesis's "little bit"."""
 
+WHOLE = (0.0, 0.0, 1.0, 1.0)
+
 
 @dataclass(frozen=True, eq=False)
 class TexturePass:
     """A picture of the scene that the water looks up. view, projection: (4, 4) float64, render space.
 
-    keep: +1 draws what lies below `clip_height`, -1 what lies above. drawn: False when the
-    pass is not needed; `reason` says why, either way, in words for a person.
+    keep: +1 draws what lies below `clip_height`, -1 what lies above; what does not reach
+    beyond `clear_height` cannot be cut by a wave. drawn: False when the pass is not needed;
+    `reason` says why, either way, in words for a person. region: (left, bottom, right, top) of
+    the texture, in 0..1, outside of which nothing is ever looked up.
     """
 
     name: str
@@ -33,8 +37,10 @@ class TexturePass:
     projection: np.ndarray
     keep: int
     clip_height: float
+    clear_height: float
     drawn: bool
     reason: str
+    region: tuple[float, float, float, float] = WHOLE
 
     @property
     def mirrored(self) -> bool:
@@ -144,19 +150,23 @@ def _plan_body(
         "refraction",
         refraction_view,
         wide,
-        +1,
-        level + highest,
-        visible,
-        f"the bottom seen through it: {reason}",
+        keep=+1,
+        clip_height=level + highest,
+        clear_height=level - highest,
+        drawn=visible,
+        reason=f"the bottom seen through it: {reason}",
     )
+    mirrored = cameras.mirrored_view(whole.view, level)
     reflection = TexturePass(
         "reflection",
-        cameras.mirrored_view(whole.view, level),
+        mirrored,
         wide,
-        -1,
-        level - highest,
-        visible,
-        f"what it mirrors: {reason}",
+        keep=-1,
+        clip_height=level - highest,
+        clear_height=level + highest,
+        drawn=visible,
+        reason=f"what it mirrors: {reason}",
+        region=_reflection_region(body, at, highest, drawn, wide @ mirrored) if visible else WHOLE,
     )
     return BodyPlan(body, at, packed, refraction, reflection, visible, reason)
 
@@ -168,22 +178,45 @@ def _visibility(
     if not _is_above(camera, at, packed):
         return False, "the camera is below the water; views from under water are not drawn yet"
     if body.grid is not None:
-        _, half_x, half_y, center_x, center_y = body.grid
-        cos_h, sin_h = np.cos(body.heading), np.sin(body.heading)
-        corners = [
-            (center_x + sx * half_x, center_y + sy * half_y, sz * highest)
-            for sx in (-1, 1)
-            for sy in (-1, 1)
-            for sz in (-1, 1)
-        ]
-        points = np.array([(cos_h * x - sin_h * y, sin_h * x + cos_h * y, z) for x, y, z in corners]) + at
-        homogeneous = np.concatenate([points, np.ones((8, 1))], axis=1)
-        clip = homogeneous @ (camera.projection @ camera.view).T
+        points = np.concatenate([_rectangle(body, at, height) for height in (-highest, highest)])
+        clip = cameras.to_clip(camera.projection @ camera.view, points)
         for axis in range(3):
             for side in (-1.0, 1.0):
                 if np.all(side * clip[:, axis] > clip[:, 3]):
                     return False, "out of the picture"
     return True, "in the picture"
+
+
+def _rectangle(body: WaterBody, at: np.ndarray, height: float) -> np.ndarray:
+    """(4, 3) corners of a grid body's rectangle in render space, so high above its plane, in order."""
+    _, half_x, half_y, center_x, center_y = body.grid
+    x = center_x + half_x * np.array([-1.0, 1.0, 1.0, -1.0])
+    y = center_y + half_y * np.array([-1.0, -1.0, 1.0, 1.0])
+    cos_h, sin_h = np.cos(body.heading), np.sin(body.heading)
+    return np.stack([cos_h * x - sin_h * y, sin_h * x + cos_h * y, np.full(4, height)], axis=1) + at
+
+
+def _reflection_region(
+    body: WaterBody, at: np.ndarray, highest: float, camera: Camera, to_texture_clip: np.ndarray
+) -> tuple[float, float, float, float]:
+    """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R.
+
+    U lies in the visible part of the slab between the lowest and the highest wave, and c R in a box.
+    """
+    if body.grid is None:
+        return WHOLE
+    to_clip = camera.projection @ camera.view
+    visible = [cameras.clip_polygon(_rectangle(body, at, height), to_clip) for height in (-highest, highest)]
+    points = np.concatenate(visible)
+    if min(len(polygon) for polygon in visible) == 0:
+        return WHOLE
+    c = body.settings.c
+    reach = np.array([(x, y, z) for x in (-c, c) for y in (-c, c) for z in (min(c, 0.0), max(c, 0.0))])
+    clip = cameras.to_clip(to_texture_clip, (points[:, None] + reach).reshape(-1, 3))
+    if clip[:, 3].min() <= 1e-6:
+        return WHOLE
+    uv = np.clip(0.5 * clip[:, :2] / clip[:, 3:] + 0.5, 0.0, 1.0)
+    return (*uv.min(axis=0).tolist(), *uv.max(axis=0).tolist())
 
 
 def _is_above(camera: Camera, at: np.ndarray, packed: np.ndarray) -> bool:

@@ -44,7 +44,7 @@ void main()
     n = -n;
   }
   out_color = vec4(diffuse_radiance(albedo, n), 1.0);
-#ifdef CLIPPED
+#ifdef MARK_INSIDE
   // The inside of a solid that the water line cuts open: nothing can be seen there, so that a
   // lookup that lands here must be taken elsewhere.
   if (mark_inside != 0 && !gl_FrontFacing) {

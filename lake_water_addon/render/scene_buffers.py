@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import bpy
 import gpu
 import numpy as np
-from gpu.types import GPUBatch, GPUTexture
+from gpu.types import GPUBatch, GPUShader, GPUTexture
 
+from ..core.heights import HeightOrder, order_by_height
 from ..core.plan import rebase
 from ..core.snapshot import Material, Mesh, SceneSnapshot
 from .resources import Resources
@@ -18,15 +19,35 @@ from .resources import Resources
 INSTANCE_TEXTURE_WIDTH = 1536
 """Texels in a row of the instance texture: a multiple of 3, so that no instance is broken across rows."""
 
+TRIANGLE_LAYERS = 32
+"""Layers of a mesh's height by which its triangles are ordered."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a draw call: instances from `first` on, or a range of the only instance's indices."""
+
+    call: DrawCall
+    first: int
+    instances: int
+    indices: tuple[int, int] | None = None
+
+    def draw(self, shader: GPUShader) -> None:
+        """Draw with the bound shader, whose instance_base is `first`."""
+        if self.indices is None:
+            self.call.batch.draw_instanced(shader, instance_count=self.instances)
+        else:
+            start, count = self.indices
+            self.call.batch.draw_range(shader, elem_start=start, elem_count=count)
+
 
 @dataclass(frozen=True, eq=False)
 class DrawCall:
     """One instanced draw. flipped: its matrices mirror, so its winding is turned around.
 
-    solid: its back faces are the inside of something.
-
-    Its instances are ordered by height. least_above[i] is the lowest point of the instances
-    from i on, most_below[i] the highest point of those up to i; render space, m.
+    solid: its back faces are the inside of something. heights: of its instances in render
+    space. upright: (scale, offset) from heights in the mesh to heights in render space when
+    there is one instance and it is not tilted, else None.
     """
 
     batch: GPUBatch
@@ -36,27 +57,37 @@ class DrawCall:
     solid: bool
     material: Material
     image: GPUTexture | None
-    least_above: np.ndarray
-    most_below: np.ndarray
+    heights: HeightOrder
+    triangle_heights: HeightOrder
+    upright: tuple[float, float] | None
 
-    def instances_beside(self, keep: int, clip_height: float) -> tuple[int, int]:
-        """(first, count) of the instances that may reach below (keep +1) or above (-1) a height; 0: all.
+    def segments(
+        self, keep: int, clip_height: float, clear_height: float
+    ) -> tuple[Segment | None, Segment | None]:
+        """What a pass on one side of the water needs: uncut, and to be cut (see `HeightOrder.split`)."""
+        if self.upright is None:
+            clear, cut = self.heights.split(keep, clip_height, clear_height)
+            return self._instances(*clear), self._instances(*cut)
+        scale, offset = self.upright
+        clear, cut = self.triangle_heights.split(
+            keep, (clip_height - offset) / scale, (clear_height - offset) / scale
+        )
+        return self._triangles(*clear), self._triangles(*cut)
 
-        Trees need not go through the vertex shader for the refraction texture, nor the stones on the
-        bottom for the reflection.
-        """
-        start, end = 0, self.instances
-        if keep > 0:
-            end = int(np.searchsorted(self.least_above, clip_height, side="right"))
-        elif keep < 0:
-            start = int(np.searchsorted(self.most_below, clip_height, side="left"))
-        return self.first_instance + start, end - start
+    def _instances(self, start: int, end: int) -> Segment | None:
+        return Segment(self, self.first_instance + start, end - start) if end > start else None
+
+    def _triangles(self, start: int, end: int) -> Segment | None:
+        return Segment(self, self.first_instance, 1, (3 * start, 3 * (end - start))) if end > start else None
 
 
 @dataclass(eq=False)
 class _UploadedMesh:
+    """batches and triangle_heights: by part."""
+
     version: int
-    parts: tuple[GPUBatch, ...]
+    batches: tuple[GPUBatch, ...]
+    triangle_heights: tuple[HeightOrder, ...]
 
 
 class SceneBuffers:
@@ -66,7 +97,8 @@ class SceneBuffers:
         self._resources = resources
         self._meshes: dict[Hashable, _UploadedMesh] = {}
         self._instance_state: tuple | None = None
-        self._placed: list[tuple[int, np.ndarray, np.ndarray]] = []
+        self._placed: list[tuple[int, HeightOrder]] = []
+        self._segments: dict[tuple, tuple[list[Segment], list[Segment]]] = {}
         self._version: tuple | None = None
         self._blank: GPUTexture | None = None
         self.instances: GPUTexture | None = None
@@ -82,13 +114,16 @@ class SceneBuffers:
         placed = self._upload_instances(snapshot, origin)
         images = {m.image for m in snapshot.materials.values() if m.image}
         textures = {name: image_texture(name) for name in images}
+        self._segments.clear()
         self.calls = []
-        for draw, (first, least_above, most_below) in zip(snapshot.draws, placed, strict=True):
-            mesh = snapshot.meshes[draw.mesh]
-            material = snapshot.materials[draw.material]
+        for draw, (first, heights) in zip(snapshot.draws, placed, strict=True):
+            mesh, material = snapshot.meshes[draw.mesh], snapshot.materials[draw.material]
+            if len(mesh.parts[draw.part].triangles) == 0:
+                continue
+            uploaded = self._meshes[draw.mesh]
             self.calls.append(
                 DrawCall(
-                    self._meshes[draw.mesh].parts[draw.part],
+                    uploaded.batches[draw.part],
                     first,
                     len(draw.matrices),
                     bool(np.linalg.det(draw.matrices[0][:3, :3]) < 0.0),
@@ -96,17 +131,28 @@ class SceneBuffers:
                     (mesh.solid or material.cull_back_faces) and material.alpha_threshold is None,
                     material,
                     textures.get(material.image),
-                    least_above,
-                    most_below,
+                    heights,
+                    uploaded.triangle_heights[draw.part],
+                    _upright(draw.matrices, origin),
                 )
             )
         self.calls.sort(key=lambda c: (c.image is not None, c.material.image or "", c.solid, c.flipped))
         self.sky_image = (snapshot.sky.image and image_texture(snapshot.sky.image)) or self._blank_texture()
         self._version = version
 
+    def segments(
+        self, keep: int, clip_height: float, clear_height: float
+    ) -> tuple[list[Segment], list[Segment]]:
+        """(uncut, to be cut) of all calls for a pass on one side of the water; found once a scene."""
+        key = (keep, clip_height, clear_height)
+        if key not in self._segments:
+            pairs = [call.segments(*key) for call in self.calls]
+            self._segments[key] = tuple([pair[i] for pair in pairs if pair[i]] for i in (0, 1))
+        return self._segments[key]
+
     def parts_of(self, key: Hashable) -> tuple[GPUBatch, ...]:
         """The batches of one uploaded mesh (a water body that is a mesh)."""
-        return self._meshes[key].parts
+        return self._meshes[key].batches
 
     def _upload_meshes(self, snapshot: SceneSnapshot) -> None:
         for key in [k for k in self._meshes if k not in snapshot.meshes]:
@@ -114,9 +160,9 @@ class SceneBuffers:
         for key, mesh in snapshot.meshes.items():
             known = self._meshes.get(key)
             if known is None or known.version != mesh.version:
-                self._meshes[key] = _UploadedMesh(mesh.version, self._make_batches(mesh))
+                self._meshes[key] = self._upload_mesh(mesh)
 
-    def _make_batches(self, mesh: Mesh) -> tuple[GPUBatch, ...]:
+    def _upload_mesh(self, mesh: Mesh) -> _UploadedMesh:
         count = len(mesh.positions)
         vertices = self._resources.vertex_buffer(
             {
@@ -126,12 +172,16 @@ class SceneBuffers:
                 "color": mesh.colors if mesh.colors is not None else np.ones((count, 4), np.float32),
             }
         )
-        return tuple(self._resources.batch(vertices, part.triangles) for part in mesh.parts)
+        batches, heights = [], []
+        for part in mesh.parts:
+            z = mesh.positions[:, 2].astype(np.float64)[part.triangles]
+            order, by_height = order_by_height(z.min(axis=1), z.max(axis=1), TRIANGLE_LAYERS)
+            batches.append(self._resources.batch(vertices, part.triangles[order]))
+            heights.append(by_height)
+        return _UploadedMesh(mesh.version, tuple(batches), tuple(heights))
 
-    def _upload_instances(
-        self, snapshot: SceneSnapshot, origin: np.ndarray
-    ) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Fill the instance texture. For each draw: its first instance and the heights of `DrawCall`."""
+    def _upload_instances(self, snapshot: SceneSnapshot, origin: np.ndarray) -> list[tuple[int, HeightOrder]]:
+        """Fill the instance texture. For each draw: its first instance and the heights of all of them."""
         state = (
             tuple(origin),
             tuple((d.version, len(d.matrices), snapshot.meshes[d.mesh].version) for d in snapshot.draws),
@@ -143,15 +193,8 @@ class SceneBuffers:
         first = 0
         for draw in snapshot.draws:
             matrices = rebase(draw.matrices, origin)
-            lowest, highest = _heights(snapshot.meshes[draw.mesh], matrices)
-            order = np.argsort(lowest + highest, kind="stable")
-            self._placed.append(
-                (
-                    first,
-                    np.minimum.accumulate(lowest[order][::-1])[::-1],
-                    np.maximum.accumulate(highest[order]),
-                )
-            )
+            order, heights = order_by_height(*_heights(snapshot.meshes[draw.mesh], matrices))
+            self._placed.append((first, heights))
             stacked.append(matrices[order, :3, :])
             first += len(matrices)
         per_line = INSTANCE_TEXTURE_WIDTH // 3
@@ -174,11 +217,21 @@ def _heights(mesh: Mesh, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest z (n,) of the mesh's bounding box under each of the matrices (n, 4, 4)."""
     if len(mesh.positions) == 0:
         return matrices[:, 2, 3], matrices[:, 2, 3]
+    if len(mesh.positions) == 0:
+        return np.zeros(len(matrices)), np.zeros(len(matrices))
     low, high = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
     center, half = 0.5 * (low + high), 0.5 * (high - low)
     middle = matrices[:, 2, :3] @ center + matrices[:, 2, 3]
     reach = np.abs(matrices[:, 2, :3]) @ half
     return middle - reach, middle + reach
+
+
+def _upright(matrices: np.ndarray, origin: np.ndarray) -> tuple[float, float] | None:
+    """(scale, offset) of heights under the only matrix of a draw; None for several, tilted or upside down."""
+    row = matrices[0][2]
+    if len(matrices) > 1 or row[0] != 0.0 or row[1] != 0.0 or row[2] <= 0.0:
+        return None
+    return float(row[2]), float(row[3] - origin[2])
 
 
 def image_texture(name: str) -> GPUTexture | None:

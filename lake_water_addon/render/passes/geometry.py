@@ -11,7 +11,7 @@ from gpu.types import GPUUniformBuf
 
 from ...core.plan import TexturePass
 from ..resources import Resources
-from ..scene_buffers import SceneBuffers
+from ..scene_buffers import SceneBuffers, Segment
 from ..shader_library import ShaderLibrary, ShaderSpec
 
 SCENE = dict(
@@ -39,7 +39,9 @@ BACKGROUND = ShaderSpec(
 )
 
 
-def scene_spec(*, textured: bool, clipped: bool, linear_depth: bool) -> tuple[ShaderSpec, dict[str, str]]:
+def scene_spec(
+    *, textured: bool, clipped: bool, mark_inside: bool, linear_depth: bool
+) -> tuple[ShaderSpec, dict[str, str]]:
     """The variant's interface and defines."""
     defines = {}
     # A driver drops what a variant does not use, and setting it then is an error: declare just that.
@@ -55,6 +57,8 @@ def scene_spec(*, textured: bool, clipped: bool, linear_depth: bool) -> tuple[Sh
     if clipped:
         defines["CLIPPED"] = ""
         buffers.append(("Water", "water"))
+    if mark_inside:
+        defines["MARK_INSIDE"] = ""
         push_constants.append(("INT", "mark_inside"))
     if linear_depth:
         defines["LINEAR_DEPTH"] = ""
@@ -113,46 +117,65 @@ class GeometryPainter:
         """Draw every draw call. With `side` and `water`, only what lies on that side of the water body.
 
         Back faces are culled where the material says so, and those of solids in a pass with a `side`,
-        unless `mark_insides`: then they are drawn with alpha 0.
+        unless `mark_insides`: then those of solids that the water line may cut open get alpha 0.
+        What no wave can cut goes without the clip, which is cheaper.
         """
-        clipped = side is not None
-        keep, clip_height, mirrored = (
-            (side.keep, side.clip_height, side.mirrored) if clipped else (0, 0.0, False)
-        )
-        with opaque_state(1 if clipped else 0):
-            textured = None
-            image = None
-            shader = None
-            for call in self._scene.calls:
-                first, count = call.instances_beside(keep, clip_height)
-                if count == 0:
-                    continue
-                if textured != (call.image is not None):
-                    textured = call.image is not None
-                    spec, defines = scene_spec(textured=textured, clipped=clipped, linear_depth=linear_depth)
-                    shader = self._library.get(spec, defines)
-                    shader.bind()
-                    shader.uniform_block("lights", lights)
-                    shader.uniform_block("pass_view", view)
-                    if clipped:
-                        shader.uniform_block("water", water)
-                    shader.uniform_sampler("instances", self._scene.instances)
-                    shader.uniform_sampler("sky_image", self._scene.sky_image)
-                if textured and call.image is not image:
-                    image = call.image
-                    shader.uniform_sampler("base_image", image)
-                material = call.material
-                marked = mark_insides and call.solid
-                culled = material.cull_back_faces or (clipped and call.solid)
-                gpu.state.face_culling_set("BACK" if culled and not marked else "NONE")
-                gpu.state.front_facing_set(mirrored != call.flipped)
-                shader.uniform_float("base_color", (*material.base_color, material.alpha_threshold or 0.0))
-                shader.uniform_int("instance_base", first)
+        if side is None:
+            uncut, cut = self._scene.segments(0, 0.0, 0.0)
+        else:
+            uncut, cut = self._scene.segments(side.keep, side.clip_height, side.clear_height)
+        mirrored = side is not None and side.mirrored
+        common = (lights, view, mirrored, side is not None, mark_insides, linear_depth)
+        with opaque_state():
+            self._draw_segments(uncut, *common)
+        with opaque_state(clip_distances=1):
+            self._draw_segments(cut, *common, water=water)
+
+    def _draw_segments(
+        self,
+        segments: list[Segment],
+        lights: GPUUniformBuf,
+        view: GPUUniformBuf,
+        mirrored: bool,
+        cull_solids: bool,
+        mark_insides: bool,
+        linear_depth: bool,
+        water: GPUUniformBuf | None = None,
+    ) -> None:
+        """Draw with one of two shaders, textured or not. water: clip at this body's surface."""
+        clipped = water is not None
+        textured = image = shader = None
+        for segment in segments:
+            call, material = segment.call, segment.call.material
+            if textured != (call.image is not None):
+                textured = call.image is not None
+                spec, defines = scene_spec(
+                    textured=textured, clipped=clipped, mark_inside=mark_insides, linear_depth=linear_depth
+                )
+                shader = self._library.get(spec, defines)
+                shader.bind()
+                shader.uniform_block("lights", lights)
+                shader.uniform_block("pass_view", view)
                 if clipped:
-                    shader.uniform_int("mark_inside", int(marked))
-                if not textured:
-                    shader.uniform_int("use_vertex_color", int(material.use_color_attribute))
-                call.batch.draw_instanced(shader, instance_count=count)
+                    shader.uniform_block("water", water)
+                shader.uniform_sampler("instances", self._scene.instances)
+                shader.uniform_sampler("sky_image", self._scene.sky_image)
+            if textured and call.image is not image:
+                image = call.image
+                shader.uniform_sampler("base_image", image)
+            # One of many instances that no wave can reach is whole; a range of triangles is the rest of
+            # something that was cut.
+            marked = mark_insides and call.solid and (clipped or segment.indices is not None)
+            culled = material.cull_back_faces or (cull_solids and call.solid)
+            gpu.state.face_culling_set("BACK" if culled and not marked else "NONE")
+            gpu.state.front_facing_set(mirrored != call.flipped)
+            shader.uniform_float("base_color", (*material.base_color, material.alpha_threshold or 0.0))
+            shader.uniform_int("instance_base", segment.first)
+            if mark_insides:
+                shader.uniform_int("mark_inside", int(marked))
+            if not textured:
+                shader.uniform_int("use_vertex_color", int(material.use_color_attribute))
+            segment.draw(shader)
 
     def draw_sky(self, lights: GPUUniformBuf, view: GPUUniformBuf) -> None:
         """Draw the sky wherever nothing is nearer."""

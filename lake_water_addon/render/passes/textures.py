@@ -3,6 +3,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import gpu
 from gpu.types import GPUUniformBuf
 
 from ...core.plan import TexturePass
@@ -56,5 +61,19 @@ def draw_reflection(
     """
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
-        painter.draw_scene(lights, view, side=planned, water=water, mark_insides=True)
-        painter.draw_sky(lights, view)
+        with drawn_region(planned.region, target.size):
+            painter.draw_scene(lights, view, side=planned, water=water, mark_insides=True)
+            painter.draw_sky(lights, view)
+
+
+@contextmanager
+def drawn_region(region: tuple[float, float, float, float], size: tuple[int, int]) -> Iterator[None]:
+    """Draw only into a part of the target, in 0..1, and the texels that a filter takes along."""
+    left, bottom = (max(0, math.floor(region[i] * size[i]) - 2) for i in (0, 1))
+    right, top = (min(size[i], math.ceil(region[i + 2] * size[i]) + 2) for i in (0, 1))
+    gpu.state.scissor_test_set(True)
+    gpu.state.scissor_set(left, bottom, max(right - left, 0), max(top - bottom, 0))
+    try:
+        yield
+    finally:
+        gpu.state.scissor_test_set(False)
