@@ -20,11 +20,16 @@ def planned(scene, camera, **options) -> FramePlan:
 
 def draw(renderer, scene, camera, size=SIZE, **options) -> np.ndarray:
     """(h, w, 4) float64 scene-linear picture, first row at the bottom. options: of plan_frame."""
+    return draw_plan(renderer, planned(scene, camera, **options), size)
+
+
+def draw_plan(renderer, plan, size=SIZE) -> np.ndarray:
+    """The same of a plan that is made already."""
     from lake_water_addon.render.frame import PassTimer
     from tests.gpu.glsl import read_texture
 
     target = renderer.targets.get(("test", size), size, ("RGBA32F",))
-    renderer.draw_picture(planned(scene, camera, **options), target, PassTimer())
+    renderer.draw_picture(plan, target, PassTimer())
     return read_texture(target.colors[0]).astype(np.float64)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from lake_water_addon.core import optics, waves
 from tests.gpu import scenes
-from tests.gpu.pictures import SIZE, draw, draw_textures, planned
+from tests.gpu.pictures import SIZE, draw, draw_plan, draw_textures, planned
 
 BED_ALBEDO = np.array([0.7, 0.5, 0.3])
 VIEW = scenes.look_at((14, -14, 6), (0, 0, -0.5))
@@ -344,6 +344,34 @@ def test_textures_keep_to_their_side_of_the_waves(renderer, camera, allowed, wav
         beyond = np.sum(wrong & ~grown(covered & ~wrong)) / covered.sum()
         assert covered.sum() > 5000
         assert beyond <= allowed, f"{beyond:.2%} of the {name} texture show the wrong side of the water"
+
+
+REGION_CASES = {
+    "lake": (VIEW, {}),
+    "near the water": (scenes.look_at((2, -13, 0.3), (0, 0, 0.3)), {}),
+    "among the waves": (scenes.look_at((2, -13, 0.9), (0, 0, 0.4)), {"waves": scenes.STEEP_WAVES}),
+    "straight down": (scenes.look_at((1, -8, 6), (1, -8, 0)), {"waves": HIGH_WAVES}),
+    "orthographic": (scenes.look_at((14, -14, 6), (0, 0, 0), ortho=20.0), {}),
+    "looking up": (scenes.look_at((6, -6, 1), (0, 0, 3)), {}),
+    "far reflection": (VIEW, {"c": 30.0, "waves": scenes.STEEP_WAVES}),
+    "the shore from afar": (scenes.look_at((60, -60, 20), (0, 0, 0), fov=0.3), {"waves": HIGH_WAVES}),
+}
+
+
+@pytest.mark.parametrize(("camera", "settings"), REGION_CASES.values(), ids=REGION_CASES)
+def test_nothing_is_looked_up_outside_of_the_drawn_regions(renderer, camera, settings):
+    """The planned parts of the textures are enough: drawn whole, the picture is the same to the last bit."""
+    plan = planned(scenes.pond(**settings), camera)
+    (body,) = plan.bodies
+    assert body.drawn
+    whole = replace(
+        body,
+        refraction=replace(body.refraction, region=(0.0, 0.0, 1.0, 1.0)),
+        reflection=replace(body.reflection, region=(0.0, 0.0, 1.0, 1.0)),
+    )
+    np.testing.assert_array_equal(
+        draw_plan(renderer, plan), draw_plan(renderer, replace(plan, bodies=(whole,)))
+    )
 
 
 # What a frame makes and keeps.
