@@ -43,7 +43,9 @@ class Geometry:
         if normals is not None:
             normals = normals @ np.linalg.inv(matrix)
             normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-        return replace(self, positions=self.positions @ np.asarray(matrix).T + np.asarray(offset), normals=normals)
+        return replace(
+            self, positions=self.positions @ np.asarray(matrix).T + np.asarray(offset), normals=normals
+        )
 
     def with_slot(self, slot: int) -> Geometry:
         """The same mesh with every face in one material slot."""
@@ -85,11 +87,16 @@ def join(parts: Sequence[Geometry]) -> Geometry:
         corners=np.concatenate([p.corners + o for p, o in zip(parts, offsets, strict=True)]),
         sizes=np.concatenate([p.sizes for p in parts]),
         uvs=np.concatenate([p.uvs if p.uvs is not None else np.zeros((len(p.corners), 2)) for p in parts])
-        if any_uv else None,
-        colors=np.concatenate([p.colors if p.colors is not None else np.ones((len(p.positions), 3))
-                               for p in parts]) if any_color else None,
+        if any_uv
+        else None,
+        colors=np.concatenate(
+            [p.colors if p.colors is not None else np.ones((len(p.positions), 3)) for p in parts]
+        )
+        if any_color
+        else None,
         normals=np.concatenate([p.normals if p.normals is not None else p.smooth_normals() for p in parts])
-        if any_normal else None,
+        if any_normal
+        else None,
         slots=np.concatenate([p.slots for p in parts]),
         smooth=np.concatenate([p.smooth for p in parts]),
     )
@@ -97,7 +104,14 @@ def join(parts: Sequence[Geometry]) -> Geometry:
 
 def rotation(yaw: float = 0.0, pitch: float = 0.0, roll: float = 0.0) -> np.ndarray:
     """(3, 3): first roll about X, then pitch about Y, then yaw about Z; radians."""
-    cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    cr, sr, cp, sp, cy, sy = (
+        np.cos(roll),
+        np.sin(roll),
+        np.cos(pitch),
+        np.sin(pitch),
+        np.cos(yaw),
+        np.sin(yaw),
+    )
     rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
@@ -113,12 +127,19 @@ def grid_faces(rows: int, columns: int, *, wrap: bool = False) -> np.ndarray:
     r = np.arange(rows - 1)
     cc, rr = np.meshgrid(c, r)
     cn = (cc + 1) % columns
-    return np.stack([rr * columns + cc, rr * columns + cn, (rr + 1) * columns + cn, (rr + 1) * columns + cc],
-                    axis=-1).reshape(-1, 4)
+    return np.stack(
+        [rr * columns + cc, rr * columns + cn, (rr + 1) * columns + cn, (rr + 1) * columns + cc], axis=-1
+    ).reshape(-1, 4)
 
 
-def tube(path: np.ndarray, radii: np.ndarray, sides: int, *, repeat: tuple[float, float] = (1.0, 1.0),
-         capped: bool = True) -> Geometry:
+def tube(
+    path: np.ndarray,
+    radii: np.ndarray,
+    sides: int,
+    *,
+    repeat: tuple[float, float] = (1.0, 1.0),
+    capped: bool = True,
+) -> Geometry:
     """A closed tube around a (P, 3) path with (P,) radii; uv = (around, along) times `repeat`."""
     path = np.asarray(path, dtype=np.float64)
     tangent = np.gradient(path, axis=0)
@@ -128,12 +149,11 @@ def tube(path: np.ndarray, radii: np.ndarray, sides: int, *, repeat: tuple[float
     reference = np.eye(3)[int(np.argmin(np.abs(overall)))]
     side = np.cross(tangent, reference)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
-    up = np.cross(side, tangent)
+    up = np.cross(tangent, side)  # right-handed, or the tube would be inside out
     angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
-    ring = side[:, None, :] * np.cos(angle)[None, :, None] - up[:, None, :] * np.sin(angle)[None, :, None]
+    ring = side[:, None, :] * np.cos(angle)[None, :, None] + up[:, None, :] * np.sin(angle)[None, :, None]
     positions = (path[:, None, :] + ring * np.asarray(radii)[:, None, None]).reshape(-1, 3)
-    # Around the path the ring runs clockwise seen from its end, so the quads are turned to face outwards.
-    quads = grid_faces(len(path), sides, wrap=True)[:, ::-1]
+    quads = grid_faces(len(path), sides, wrap=True)
     rows = quads // sides
     # The right-hand corners count on past the seam instead of wrapping back to column 0.
     column = quads[:, :1] % sides + np.array([0, 1, 1, 0])
@@ -144,16 +164,21 @@ def tube(path: np.ndarray, radii: np.ndarray, sides: int, *, repeat: tuple[float
     smooth = np.ones(len(quads), dtype=bool)
     if capped:
         bottom, top = np.arange(sides), len(positions) - sides + np.arange(sides)
-        corners = np.concatenate([corners, bottom, top[::-1]])
+        corners = np.concatenate([corners, bottom[::-1], top])
         sizes = np.concatenate([sizes, [sides, sides]])
         disc = 0.5 + 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        uvs = np.concatenate([uvs, disc * 0.2, disc[::-1] * 0.2])
+        uvs = np.concatenate([uvs, disc[::-1] * 0.2, disc * 0.2])
         smooth = np.concatenate([smooth, [False, False]])
     return Geometry(positions, corners, sizes, uvs=uvs, smooth=smooth)
 
 
-def box(size: Sequence[float], *, uv_scale: float = 1.0, uv_offset: Sequence[float] = (0.0, 0.0),
-        long_axis: int = 0) -> Geometry:
+def box(
+    size: Sequence[float],
+    *,
+    uv_scale: float = 1.0,
+    uv_offset: Sequence[float] = (0.0, 0.0),
+    long_axis: int = 0,
+) -> Geometry:
     """A closed flat-shaded box about the origin; uv in metres times `uv_scale`, u along `long_axis`."""
     half = np.asarray(size, dtype=np.float64) / 2.0
     corner = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=np.float64)
@@ -167,23 +192,63 @@ def box(size: Sequence[float], *, uv_scale: float = 1.0, uv_offset: Sequence[flo
         if long_axis in axes:
             axes = [long_axis] + [a for a in axes if a != long_axis]
         uvs[f] = p[f][:, axes]
-    return Geometry(positions, faces.ravel(), np.full(6, 4),
-                    uvs=uvs.reshape(-1, 2) * uv_scale + np.asarray(uv_offset), smooth=np.zeros(6, dtype=bool))
+    return Geometry(
+        positions,
+        faces.ravel(),
+        np.full(6, 4),
+        uvs=uvs.reshape(-1, 2) * uv_scale + np.asarray(uv_offset),
+        smooth=np.zeros(6, dtype=bool),
+    )
 
 
 def geodesic_sphere(frequency: int) -> tuple[np.ndarray, np.ndarray]:
     """Unit directions (10 f^2 + 2, 3) and triangles of an icosahedron whose edges are cut into `frequency` parts."""
     phi = (1.0 + np.sqrt(5.0)) / 2.0
-    v = np.array([[-1, phi, 0], [1, phi, 0], [-1, -phi, 0], [1, -phi, 0], [0, -1, phi], [0, 1, phi],
-                  [0, -1, -phi], [0, 1, -phi], [phi, 0, -1], [phi, 0, 1], [-phi, 0, -1], [-phi, 0, 1]])
-    t = np.array([[0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2],
-                  [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5],
-                  [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1]])
+    v = np.array(
+        [
+            [-1, phi, 0],
+            [1, phi, 0],
+            [-1, -phi, 0],
+            [1, -phi, 0],
+            [0, -1, phi],
+            [0, 1, phi],
+            [0, -1, -phi],
+            [0, 1, -phi],
+            [phi, 0, -1],
+            [phi, 0, 1],
+            [-phi, 0, -1],
+            [-phi, 0, 1],
+        ]
+    )
+    t = np.array(
+        [
+            [0, 11, 5],
+            [0, 5, 1],
+            [0, 1, 7],
+            [0, 7, 10],
+            [0, 10, 11],
+            [1, 5, 9],
+            [5, 11, 4],
+            [11, 10, 2],
+            [10, 7, 6],
+            [7, 1, 8],
+            [3, 9, 4],
+            [3, 4, 2],
+            [3, 2, 6],
+            [3, 6, 8],
+            [3, 8, 9],
+            [4, 9, 5],
+            [2, 4, 11],
+            [6, 2, 10],
+            [8, 6, 7],
+            [9, 8, 1],
+        ]
+    )
     f = frequency
     index = {(i, j): n for n, (i, j) in enumerate((i, j) for i in range(f + 1) for j in range(f + 1 - i))}
     bary = np.array([[f - i - j, i, j] for (i, j) in index]) / f
     local = []
-    for (i, j) in index:
+    for i, j in index:
         if i + j < f:
             local.append([index[i, j], index[i + 1, j], index[i, j + 1]])
             if i + j < f - 1:
@@ -195,20 +260,42 @@ def geodesic_sphere(frequency: int) -> tuple[np.ndarray, np.ndarray]:
     return points[first], inverse.reshape(-1)[triangles]
 
 
-def cards(centers: np.ndarray, right: np.ndarray, up: np.ndarray, tiles: np.ndarray,
-          normals: np.ndarray | None = None) -> Geometry:
+def cards(
+    centers: np.ndarray,
+    right: np.ndarray,
+    up: np.ndarray,
+    tiles: np.ndarray,
+    normals: np.ndarray | None = None,
+) -> Geometry:
     """Textured quads. centers, right, up: (n, 3), half extents; tiles: (n, 4) uv rectangle (u0, v0, u1, v1).
 
     normals: (n, 4, 3) custom normals of the corners, or None for the quads' own.
     """
     n = len(centers)
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    positions = (centers[:, None] + right[:, None] * signs[None, :, :1] + up[:, None] * signs[None, :, 1:])
+    positions = centers[:, None] + right[:, None] * signs[None, :, :1] + up[:, None] * signs[None, :, 1:]
     u = np.where(signs[:, 0] > 0, tiles[:, 2:3], tiles[:, 0:1])
     w = np.where(signs[:, 1] > 0, tiles[:, 3:4], tiles[:, 1:2])
-    return Geometry(positions.reshape(-1, 3), np.arange(4 * n), np.full(n, 4),
-                    uvs=np.stack([u, w], axis=-1).reshape(-1, 2),
-                    normals=None if normals is None else np.asarray(normals).reshape(-1, 3))
+    return Geometry(
+        positions.reshape(-1, 3),
+        np.arange(4 * n),
+        np.full(n, 4),
+        uvs=np.stack([u, w], axis=-1).reshape(-1, 2),
+        normals=None if normals is None else np.asarray(normals).reshape(-1, 3),
+    )
+
+
+def two_sided(sheet: Geometry) -> Geometry:
+    """The mesh with a turned copy of every face that keeps the custom normals.
+
+    Renderers turn the normal of a face that is seen from behind. For a leaf card, whose normals are those of the
+    plant as a whole, that would make its back black: with back-face culling the copy is seen instead.
+    """
+    starts = np.concatenate([[0], np.cumsum(sheet.sizes)[:-1]])
+    face = np.repeat(np.arange(len(sheet.sizes)), sheet.sizes)
+    order = (2 * starts + sheet.sizes - 1)[face] - np.arange(len(sheet.corners))
+    back = replace(sheet, corners=sheet.corners[order], uvs=None if sheet.uvs is None else sheet.uvs[order])
+    return join([sheet, back])
 
 
 def build_mesh(name: str, geometry: Geometry, materials: Sequence[bpy.types.Material]) -> bpy.types.Mesh:

@@ -16,12 +16,12 @@ from . import plants, props, sky, textures
 from .geometry import Geometry, build_mesh
 from .materials import attribute_material, image_material
 from .noise import smoothstep
-from .terrain import HAZE, LakeTerrain, paint_ground, terrain_mesh
+from .terrain import HAZE, LakeTerrain, paint_ground, paint_hills, terrain_mesh
 
 THESIS_VERTICES = 131_437  # Mihalik's scene, 2008: what detail 1.0 amounts to
 ORBIT_RADIUS = 24.0  # m
 ORBIT_HEIGHT = 5.0  # m above the water
-LOOK_HEIGHT = 0.6  # m above the water
+LOOK_HEIGHT = 1.4  # m above the water
 WATER_SIZE = 46.0  # m, side of the water's square; the banks hide what is too much
 CLEARING = 27.5  # m, no trunk stands nearer to the centre: the turntable's camera goes round inside
 SUN_ELEVATION = math.radians(33.0)
@@ -89,8 +89,15 @@ class _Builder:
     def mesh(self, name: str, geometry: Geometry, *materials: bpy.types.Material) -> bpy.types.Mesh:
         return build_mesh(f"Lake {name}", geometry, materials)
 
-    def put(self, mesh: bpy.types.Mesh, place: Sequence[float], *, yaw: float = 0.0, tilt: Sequence[float] = (0.0, 0.0),
-            scale: float | Sequence[float] = 1.0) -> bpy.types.Object:
+    def put(
+        self,
+        mesh: bpy.types.Mesh,
+        place: Sequence[float],
+        *,
+        yaw: float = 0.0,
+        tilt: Sequence[float] = (0.0, 0.0),
+        scale: float | Sequence[float] = 1.0,
+    ) -> bpy.types.Object:
         """An object of the mesh at `place`, z above the water. tilt: turns about X and Y before the yaw."""
         obj = bpy.data.objects.new(mesh.name, mesh)
         obj.location = (place[0], place[1], place[2] + self.level)
@@ -122,8 +129,15 @@ class _Builder:
         return math.atan(-gx * s + gy * c), -math.atan(gx * c + gy * s)
 
 
-def build_lake(scene: bpy.types.Scene, *, seed: int = 1, detail: float = 1.0, water_level: float = 0.0,
-               set_world: bool = True, set_camera: bool = True) -> LakeScene:
+def build_lake(
+    scene: bpy.types.Scene,
+    *,
+    seed: int = 1,
+    detail: float = 1.0,
+    water_level: float = 0.0,
+    set_world: bool = True,
+    set_camera: bool = True,
+) -> LakeScene:
     """Add the demonstration lake to the scene, in one collection; nothing of the user's is removed.
 
     seed: the same seed gives the same lake. detail: 0.1 .. 4, the number of vertices is about 131,437 times it.
@@ -140,9 +154,12 @@ def build_lake(scene: bpy.types.Scene, *, seed: int = 1, detail: float = 1.0, wa
 
     stone = attribute_material("Lake Stone", cull=True)
     timber = attribute_material("Lake Timber", cull=True)
-    plank = image_material("Lake Planks", textures.make_image("Lake Planks", textures.wood(512, b.seed)), cull=True)
+    plank = image_material(
+        "Lake Planks", textures.make_image("Lake Planks", textures.wood(512, b.seed)), cull=True
+    )
     _add_jetty_and_boat(b, plank)
     _add_terrace(b)
+    _add_cabin(b)
     _add_poles(b)
     _add_boulders(b, stone)
     _add_stones(b, stone)
@@ -154,8 +171,13 @@ def build_lake(scene: bpy.types.Scene, *, seed: int = 1, detail: float = 1.0, wa
     _add_grass(b)
 
     water = _add_water(b)
-    sun_direction = np.array([math.cos(SUN_ELEVATION) * math.cos(SUN_AZIMUTH),
-                              math.cos(SUN_ELEVATION) * math.sin(SUN_AZIMUTH), math.sin(SUN_ELEVATION)])
+    sun_direction = np.array(
+        [
+            math.cos(SUN_ELEVATION) * math.cos(SUN_AZIMUTH),
+            math.cos(SUN_ELEVATION) * math.sin(SUN_AZIMUTH),
+            math.sin(SUN_ELEVATION),
+        ]
+    )
     sun = _add_sun(b, sun_direction)
     camera = _add_camera(b)
     world = sky.make_world("Lake Sky", sky.sky_image(sun_direction, b.seed))
@@ -166,10 +188,25 @@ def build_lake(scene: bpy.types.Scene, *, seed: int = 1, detail: float = 1.0, wa
         scene.camera = camera
     terrace = b.terrain.terrace
     return LakeScene(
-        water=water, terrain=ground, camera=camera, sun=sun, world=world, collection=collection,
-        center=(0.0, 0.0, b.level), water_level=b.level, radius=17.0, stage=tuple(float(c) for c in terrace.floor_center),
-        orbit_radius=ORBIT_RADIUS, orbit_height=ORBIT_HEIGHT, look_height=LOOK_HEIGHT, vertex_count=b.vertices,
-        face_count=b.faces, object_count=b.objects, mesh_count=len(b.meshes), draw_count=len(b.draws))
+        water=water,
+        terrain=ground,
+        camera=camera,
+        sun=sun,
+        world=world,
+        collection=collection,
+        center=(0.0, 0.0, b.level),
+        water_level=b.level,
+        radius=17.0,
+        stage=tuple(float(c) for c in terrace.floor_center),
+        orbit_radius=ORBIT_RADIUS,
+        orbit_height=ORBIT_HEIGHT,
+        look_height=LOOK_HEIGHT,
+        vertex_count=b.vertices,
+        face_count=b.faces,
+        object_count=b.objects,
+        mesh_count=len(b.meshes),
+        draw_count=len(b.draws),
+    )
 
 
 def _set_view(scene: bpy.types.Scene) -> None:
@@ -184,7 +221,9 @@ def _add_terrain(b: _Builder) -> bpy.types.Object:
     size = 2048 if b.detail >= 0.7 else 1024
     image = textures.make_image("Lake Ground", paint_ground(b.terrain, size, b.shade))
     inner = image_material("Lake Ground", image, cull=True)
-    outer = attribute_material("Lake Hills", cull=True)
+    outer = image_material(
+        "Lake Hills", textures.make_image("Lake Hills", paint_hills(b.terrain, 2048)), cull=True
+    )
     return b.put(b.mesh("Terrain", terrain_mesh(b.terrain, b.detail), inner, outer), (0.0, 0.0, 0.0))
 
 
@@ -198,15 +237,18 @@ def _add_jetty_and_boat(b: _Builder, plank: bpy.types.Material) -> None:
     side = np.array([-inward[1], inward[0]])
     length = 9.4
     pairs = 6
-    bed = np.array([b.ground(*(np.array([x0, y0]) + inward * x)) for x in np.linspace(0.35, length - 0.12, pairs)])
+    bed = np.array(
+        [b.ground(*(np.array([x0, y0]) + inward * x)) for x in np.linspace(0.35, length - 0.12, pairs)]
+    )
     shape = props.jetty(b.seed, length, bed, sides=b.sides(10, 6))
     b.put(b.mesh("Jetty", shape, plank), (x0, y0, 0.0), yaw=yaw)
     for x in np.linspace(0.5, length, 7):
         px, py = np.array([x0, y0]) + inward * x
         b.shade.append((float(px), float(py), 1.1, 0.30))
 
-    paint = image_material("Lake Boat Paint", textures.make_image("Lake Boat Paint", textures.boat_paint(256, b.seed)),
-                           cull=True)
+    paint = image_material(
+        "Lake Boat Paint", textures.make_image("Lake Boat Paint", textures.boat_paint(256, b.seed)), cull=True
+    )
     bx, by = np.array([x0, y0]) + inward * (length - 1.2) - side * 1.95
     heading = yaw - 0.16
     b.put(b.mesh("Boat", props.boat_hull(b.sides(22, 9), b.sides(9, 5)), paint), (bx, by, 0.0), yaw=heading)
@@ -216,9 +258,12 @@ def _add_jetty_and_boat(b: _Builder, plank: bpy.types.Material) -> None:
 
 def _add_terrace(b: _Builder) -> None:
     t = b.terrain.terrace
-    tiles = image_material("Lake Tiles", textures.make_image("Lake Tiles", textures.mosaic(512, b.seed)), cull=True)
-    masonry = image_material("Lake Masonry", textures.make_image("Lake Masonry", textures.masonry(512, b.seed)),
-                             cull=True)
+    tiles = image_material(
+        "Lake Tiles", textures.make_image("Lake Tiles", textures.mosaic(512, b.seed)), cull=True
+    )
+    masonry = image_material(
+        "Lake Masonry", textures.make_image("Lake Masonry", textures.masonry(512, b.seed)), cull=True
+    )
     tiled, stone = props.terrace(t.steps, t.tread, t.rise, t.top, t.floor_depth, t.floor_length, t.half_width)
     x, y = np.asarray(t.origin) + t.start * np.asarray(t.inward)
     yaw = math.atan2(t.inward[1], t.inward[0])
@@ -226,14 +271,31 @@ def _add_terrace(b: _Builder) -> None:
     b.put(b.mesh("Terrace Stone", stone, masonry), (x, y, 0.0), yaw=yaw)
 
 
+CABIN_ANGLE = math.radians(113.0)
+CABIN_RADIUS = 29.5
+
+
+def _add_cabin(b: _Builder) -> None:
+    image = textures.make_image("Lake Boathouse", textures.cabin_atlas(512, b.seed))
+    material = image_material("Lake Boathouse", image, cull=True)
+    x, y = CABIN_RADIUS * math.cos(CABIN_ANGLE), CABIN_RADIUS * math.sin(CABIN_ANGLE)
+    # The gable with the door looks at the lake, a little askew.
+    b.put(
+        b.mesh("Boathouse", props.cabin(), material),
+        (x, y, b.ground(x, y) + 0.12),
+        yaw=CABIN_ANGLE + math.pi + 0.35,
+    )
+    b.shade.append((x, y, 3.4, 0.45))
+
+
 def _add_poles(b: _Builder) -> None:
     rng = b.rng(1)
-    paint = image_material("Lake Pole Paint", textures.make_image("Lake Pole Paint", textures.stripes(128, b.seed)),
-                           cull=True)
-    shape = props.post(3.4, 0.07, b.sides(12, 8), np.random.default_rng([b.seed, 3]), (1.0, 1.0))
+    paint = image_material(
+        "Lake Pole Paint", textures.make_image("Lake Pole Paint", textures.stripes(128, b.seed)), cull=True
+    )
+    shape = props.post(3.1, 0.055, b.sides(12, 8), np.random.default_rng([b.seed, 3]), (1.0, 1.0))
     mesh = b.mesh("Mooring Pole", shape, paint)
-    for degrees, offset in ((216.0, -6.6), (-108.0, -3.6), (-97.0, -4.7), (20.0, -4.2), (95.0, -3.4), (104.0, -4.4),
-                            (150.0, -4.6)):
+    for degrees, offset in ((213.0, -7.6), (-112.0, -4.6), (20.0, -4.2), (98.0, -3.8)):
         x, y = b.shore(math.radians(degrees), offset)
         z = max(b.ground(x, y), -2.1) - 0.35
         tilt = rng.normal(0.0, 0.09, size=2)
@@ -252,9 +314,14 @@ def _free_shore(b: _Builder, theta: float, margin: float) -> bool:
 
 def _add_boulders(b: _Builder, material: bpy.types.Material) -> None:
     rng = b.rng(2)
-    big = [b.mesh(f"Boulder {n}", props.boulder(b.seed * 31 + n, b.sides(8, 3), moss=0.6), material) for n in range(2)]
-    small = [b.mesh(f"Rock {n}", props.boulder(b.seed * 37 + n, b.sides(5, 2), moss=0.35, base=base), material)
-             for n, base in enumerate((props.GREY, props.WARM))]
+    big = [
+        b.mesh(f"Boulder {n}", props.boulder(b.seed * 31 + n, b.sides(8, 3), moss=0.6), material)
+        for n in range(2)
+    ]
+    small = [
+        b.mesh(f"Rock {n}", props.boulder(b.seed * 37 + n, b.sides(5, 2), moss=0.35, base=base), material)
+        for n, base in enumerate((props.GREY, props.WARM))
+    ]
 
     def place(x: float, y: float, size: float, sink: float) -> None:
         mesh = (big if size > 0.75 else small)[int(rng.integers(2))]
@@ -288,35 +355,61 @@ def _add_boulders(b: _Builder, material: bpy.types.Material) -> None:
     for n in range(9):
         a = 2.0 * math.pi * n / 9 + rng.uniform(-0.25, 0.25)
         r = rng.uniform(1.5, 2.7)
-        place(ix + 1.15 * r * math.cos(a), iy + r * math.sin(a), rng.uniform(0.35, 1.15), rng.uniform(0.0, 0.2))
+        place(
+            ix + 1.15 * r * math.cos(a), iy + r * math.sin(a), rng.uniform(0.35, 1.15), rng.uniform(0.0, 0.2)
+        )
 
 
 def _add_stones(b: _Builder, material: bpy.types.Material) -> None:
     rng = b.rng(3)
-    meshes = [b.mesh(f"Stones {n}", props.stone_group(b.seed * 7 + n, b.sides(2, 1), 7, 1.1), material)
-              for n in range(2)]
-    for _ in range(b.count(62)):
+    meshes = [
+        b.mesh(f"Stones {n}", props.stone_group(b.seed * 7 + n, b.sides(2, 1), 6, 1.1), material)
+        for n in range(2)
+    ]
+    for _ in range(b.count(40)):
         theta = rng.uniform(0.0, 2.0 * math.pi)
         offset = -7.2 * rng.uniform() ** 1.25 + 0.7
         if not _free_shore(b, theta, 1.3) and offset > -6.5:
             continue
         x, y = b.shore(theta, offset)
         yaw = rng.uniform(0.0, 2.0 * math.pi)
-        b.put(meshes[int(rng.integers(2))], (x, y, b.ground(x, y) - 0.02), yaw=yaw, tilt=b.lean(x, y, yaw),
-              scale=rng.uniform(0.75, 1.35))
+        b.put(
+            meshes[int(rng.integers(2))],
+            (x, y, b.ground(x, y) - 0.02),
+            yaw=yaw,
+            tilt=b.lean(x, y, yaw),
+            scale=rng.uniform(0.75, 1.35),
+        )
         b.shade.append((x, y, 1.0, 0.18))
 
 
 def _add_logs(b: _Builder, material: bpy.types.Material) -> None:
     rng = b.rng(4)
-    meshes = [b.mesh(f"Sunken Log {n}", props.log(b.seed * 5 + n, length=length, radius=radius, sides=b.sides(12, 6),
-                                                  rings=b.sides(13, 6)), material)
-              for n, (length, radius) in enumerate(((4.6, 0.21), (3.2, 0.15)))]
+    meshes = [
+        b.mesh(
+            f"Sunken Log {n}",
+            props.log(
+                b.seed * 5 + n, length=length, radius=radius, sides=b.sides(12, 6), rings=b.sides(13, 6)
+            ),
+            material,
+        )
+        for n, (length, radius) in enumerate(((4.6, 0.21), (3.2, 0.15)))
+    ]
     # (direction, distance from the shore, turn against the shore's normal); the last ones reach out of the water
-    for n, (degrees, offset, turn) in enumerate(((-112.0, -3.3, 1.2), (-84.0, -6.9, 0.6), (-38.0, -3.6, 1.0),
-                                                 (8.0, -4.2, 2.2), (62.0, -3.0, 1.3), (118.0, -3.8, 0.5),
-                                                 (172.0, -3.5, 1.8), (-128.0, -1.5, 0.25), (44.0, -1.6, -0.3),
-                                                 (132.0, -1.4, 0.4))):
+    for n, (degrees, offset, turn) in enumerate(
+        (
+            (-112.0, -3.3, 1.2),
+            (-98.0, -5.2, 0.5),
+            (-38.0, -3.6, 1.0),
+            (8.0, -4.2, 2.2),
+            (62.0, -3.0, 1.3),
+            (118.0, -3.8, 0.5),
+            (172.0, -3.5, 1.8),
+            (-128.0, -1.5, 0.25),
+            (44.0, -1.6, -0.3),
+            (132.0, -1.4, 0.4),
+        )
+    ):
         theta = math.radians(degrees + rng.uniform(-3.0, 3.0))
         x, y = b.shore(theta, offset)
         yaw = theta + math.pi + turn
@@ -332,9 +425,15 @@ def _add_logs(b: _Builder, material: bpy.types.Material) -> None:
 def _add_reeds(b: _Builder) -> None:
     rng = b.rng(5)
     image = textures.make_image("Lake Reeds", textures.reed_atlas(512, b.seed))
-    material = image_material("Lake Reeds", image, clip=True)
-    meshes = [b.mesh(f"Reeds {n}", plants.reed_clump(b.seed * 3 + n, stalks=b.count(15), radius=0.55, height=1.75),
-                     material) for n in range(2)]
+    material = image_material("Lake Reeds", image, clip=True, cull=True)
+    meshes = [
+        b.mesh(
+            f"Reeds {n}",
+            plants.reed_clump(b.seed * 3 + n, stalks=b.count(13), radius=0.75, height=1.7),
+            material,
+        )
+        for n in range(2)
+    ]
     placed = 0
     wanted = b.count(78)
     for _ in range(6000):
@@ -358,7 +457,12 @@ def _add_reeds(b: _Builder) -> None:
     for _ in range(b.count(7)):
         a = rng.uniform(0.3, 3.4)
         x, y = ix + 2.3 * math.cos(a), iy + 1.9 * math.sin(a)
-        b.put(meshes[0], (x, y, max(b.ground(x, y), -0.5)), yaw=rng.uniform(0, 6.28), scale=rng.uniform(0.6, 0.9))
+        b.put(
+            meshes[0],
+            (x, y, max(b.ground(x, y), -0.5)),
+            yaw=rng.uniform(0, 6.28),
+            scale=rng.uniform(0.6, 0.9),
+        )
 
 
 def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
@@ -367,9 +471,13 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
     def leaves(name: str, pixels: np.ndarray) -> bpy.types.Material:
         return image_material(f"Lake {name}", textures.make_image(f"Lake {name}", pixels), clip=True)
 
-    oak = leaves("Oak Leaves", textures.leaf_atlas(512, b.seed, (0.105, 0.165, 0.032)))
-    birch = leaves("Birch Leaves", textures.leaf_atlas(512, b.seed + 1, (0.185, 0.225, 0.04), leaves=95, leaf=0.17))
-    needles = leaves("Needles", textures.needle_atlas(512, b.seed, (0.05, 0.092, 0.035)))
+    green, light, dark = (0.105, 0.165, 0.032), (0.155, 0.205, 0.04), (0.062, 0.112, 0.045)
+    oak = leaves("Oak Leaves", textures.leaf_atlas(512, b.seed, green))
+    birch = leaves("Birch Leaves", textures.leaf_atlas(512, b.seed + 1, light, leaves=95, leaf=0.17))
+    pine = leaves(
+        "Pine Needles", textures.leaf_atlas(512, b.seed + 2, dark, leaves=170, leaf=0.24, slender=0.16)
+    )
+    needles = leaves("Spruce Branches", textures.needle_atlas(512, b.seed, (0.05, 0.092, 0.035)))
     n = b.count(11)
     sides = b.sides(8, 5)
     grow = 1.0 / math.sqrt(b.q)  # fewer cards are larger ones
@@ -378,30 +486,121 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
     def add(name: str, shape: Geometry, material: bpy.types.Material, crown: float, weight: float) -> None:
         kinds.append((b.mesh(name, shape, timber, material), crown, weight))
 
-    add("Oak", plants.broadleaf(b.seed, height=9.5, spread=3.9, cards_per_blob=n, blobs=9, card=0.85 * grow,
-                                trunk_radius=0.30, sides=sides), oak, 4.4, 1.0)
-    add("Maple", plants.broadleaf(b.seed + 1, height=11.5, spread=3.4, cards_per_blob=n, blobs=9, card=0.85 * grow,
-                                  trunk_radius=0.27, sides=sides, clear_trunk=0.22), oak, 4.0, 1.0)
-    add("Birch", plants.broadleaf(b.seed + 2, height=11.0, spread=2.3, cards_per_blob=n, blobs=8, card=0.62 * grow,
-                                  trunk_radius=0.15, sides=sides, clear_trunk=0.3, birch=True), birch, 2.8, 1.2)
-    add("Spruce", plants.conifer(b.seed, height=13.5, spread=2.6, whorls=b.count(11), branches=7, sides=sides),
-        needles, 3.0, 1.5)
-    add("Young Spruce", plants.conifer(b.seed + 1, height=7.5, spread=1.9, whorls=b.count(8), branches=6, sides=sides),
-        needles, 2.2, 0.8)
-    add("Pine", plants.conifer(b.seed + 2, height=11.0, spread=2.6, whorls=b.count(7), branches=6, sides=sides,
-                               clear_trunk=0.5, pine=True), needles, 3.0, 0.7)
-    shrubs = [b.mesh("Willow Shrub", plants.shrub(b.seed, radius=1.1, cards_count=b.count(34), card=0.45 * grow), birch),
-              b.mesh("Alder Shrub", plants.shrub(b.seed + 1, radius=1.3, cards_count=b.count(34), card=0.5 * grow), oak)]
+    add(
+        "Oak",
+        plants.broadleaf(
+            b.seed,
+            height=9.5,
+            spread=3.9,
+            cards_per_blob=n,
+            blobs=9,
+            card=0.85 * grow,
+            trunk_radius=0.30,
+            sides=sides,
+        ),
+        oak,
+        4.4,
+        1.0,
+    )
+    add(
+        "Maple",
+        plants.broadleaf(
+            b.seed + 1,
+            height=11.5,
+            spread=3.4,
+            cards_per_blob=n,
+            blobs=9,
+            card=0.85 * grow,
+            trunk_radius=0.27,
+            sides=sides,
+            clear_trunk=0.22,
+        ),
+        oak,
+        4.0,
+        1.0,
+    )
+    add(
+        "Birch",
+        plants.broadleaf(
+            b.seed + 2,
+            height=11.0,
+            spread=2.3,
+            cards_per_blob=n,
+            blobs=8,
+            card=0.74 * grow,
+            trunk_radius=0.15,
+            sides=sides,
+            clear_trunk=0.3,
+            bark=plants.BIRCH_BARK,
+        ),
+        birch,
+        2.8,
+        1.2,
+    )
+    add(
+        "Pine",
+        plants.broadleaf(
+            b.seed + 3,
+            height=11.5,
+            spread=2.7,
+            cards_per_blob=n,
+            blobs=7,
+            card=0.72 * grow,
+            trunk_radius=0.21,
+            sides=sides,
+            clear_trunk=0.52,
+            flat=0.5,
+            bark=plants.PINE_BARK,
+        ),
+        pine,
+        3.0,
+        0.8,
+    )
+    add(
+        "Spruce",
+        plants.conifer(b.seed, height=13.5, spread=2.6, whorls=b.count(13), branches=6, sides=sides),
+        needles,
+        3.0,
+        1.4,
+    )
+    add(
+        "Young Spruce",
+        plants.conifer(b.seed + 1, height=7.5, spread=1.9, whorls=b.count(10), branches=6, sides=sides),
+        needles,
+        2.2,
+        0.8,
+    )
+    shrubs = [
+        b.mesh(
+            "Willow Shrub", plants.shrub(b.seed, radius=1.1, cards_count=b.count(26), card=0.5 * grow), birch
+        ),
+        b.mesh(
+            "Alder Shrub",
+            plants.shrub(b.seed + 1, radius=1.3, cards_count=b.count(26), card=0.58 * grow),
+            oak,
+        ),
+    ]
 
     # One crooked pine on the islet.
     ix, iy = b.terrain.islet
-    b.put(kinds[5][0], (ix + 0.2, iy + 0.2, b.ground(ix + 0.2, iy + 0.2)), yaw=1.0, tilt=(0.10, -0.08), scale=0.45)
+    b.put(
+        kinds[3][0],
+        (ix + 0.2, iy + 0.2, b.ground(ix + 0.2, iy + 0.2)),
+        yaw=1.0,
+        tilt=(0.10, -0.08),
+        scale=0.52,
+    )
 
     weights = np.array([k[2] for k in kinds])
-    trees: list[tuple[float, float, float]] = []
-    wanted = b.count(84)
+    # The boathouse and the view to it stay free: as if trees stood there already.
+    cx, cy = math.cos(CABIN_ANGLE), math.sin(CABIN_ANGLE)
+    trees: list[tuple[float, float, float]] = [
+        (r * cx, r * cy, 4.0) for r in (CABIN_RADIUS - 3.0, CABIN_RADIUS)
+    ]
+    taken = len(trees)
+    wanted = b.count(64)
     for _ in range(20000):
-        if len(trees) >= wanted:
+        if len(trees) - taken >= wanted:
             break
         r = CLEARING + 42.0 * rng.uniform() ** 1.6
         theta = rng.uniform(0.0, 2.0 * math.pi)
@@ -410,9 +609,11 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
         wood = float(b.terrain.noise(np.array([0.035 * x, 0.035 * y, 2.0])))
         if wood + 0.22 * rng.normal() < -0.16:
             continue
-        stand = np.where(np.array([0, 0, 0, 1, 1, 1], dtype=bool),
-                         smoothstep(-0.5, 0.5, float(b.terrain.noise(np.array([0.05 * x, 0.05 * y, 7.0])))),
-                         smoothstep(0.5, -0.5, float(b.terrain.noise(np.array([0.05 * x, 0.05 * y, 7.0])))))
+        stand = np.where(
+            np.array([0, 0, 0, 1, 1, 1], dtype=bool),
+            smoothstep(-0.5, 0.5, float(b.terrain.noise(np.array([0.05 * x, 0.05 * y, 7.0])))),
+            smoothstep(0.5, -0.5, float(b.terrain.noise(np.array([0.05 * x, 0.05 * y, 7.0])))),
+        )
         p = weights * (0.15 + stand)
         mesh, crown, _ = kinds[int(rng.choice(len(kinds), p=p / p.sum()))]
         scale = rng.uniform(0.72, 1.18)
@@ -422,16 +623,27 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
         if any((x - tx) ** 2 + (y - ty) ** 2 < (0.62 * (crown + tc)) ** 2 for tx, ty, tc in trees):
             continue
         trees.append((x, y, crown))
-        b.put(mesh, (x, y, b.ground(x, y) - 0.05), yaw=rng.uniform(0, 6.28), tilt=rng.normal(0.0, 0.02, 2),
-              scale=(scale * rng.uniform(0.94, 1.06), scale * rng.uniform(0.94, 1.06), scale))
+        b.put(
+            mesh,
+            (x, y, b.ground(x, y) - 0.05),
+            yaw=rng.uniform(0, 6.28),
+            tilt=rng.normal(0.0, 0.02, 2),
+            scale=(scale * rng.uniform(0.94, 1.06), scale * rng.uniform(0.94, 1.06), scale),
+        )
         b.shade.append((x, y, 0.9 * crown, 0.45))
-    for _ in range(b.count(42)):
+    for _ in range(b.count(36)):
         r = 26.6 + 20.0 * rng.uniform() ** 1.8
         theta = rng.uniform(0.0, 2.0 * math.pi)
         x, y = r * math.cos(theta), r * math.sin(theta)
         scale = rng.uniform(0.55, 1.2)
-        b.put(shrubs[int(rng.integers(2))], (x, y, b.ground(x, y) - 0.12), yaw=rng.uniform(0, 6.28),
-              scale=(scale, scale, scale * rng.uniform(0.75, 1.1)))
+        if any((x - tx) ** 2 + (y - ty) ** 2 < 14.0 for tx, ty, _ in trees[:taken]):
+            continue
+        b.put(
+            shrubs[int(rng.integers(2))],
+            (x, y, b.ground(x, y) - 0.12),
+            yaw=rng.uniform(0, 6.28),
+            scale=(scale, scale, scale * rng.uniform(0.75, 1.1)),
+        )
         b.shade.append((x, y, 1.1 * scale, 0.5))
 
 
@@ -439,12 +651,12 @@ def _add_far_forest(b: _Builder) -> None:
     rng = b.rng(7)
     image = textures.make_image("Lake Far Trees", textures.far_tree_atlas(512, b.seed, HAZE))
     material = image_material("Lake Far Trees", image, clip=True)
-    wanted = b.count(1150)
+    wanted = b.count(1000)
     tries = wanted * 4
     r = 66.0 * (470.0 / 66.0) ** (rng.uniform(size=tries) ** 1.15)
     theta = rng.uniform(0.0, 2.0 * math.pi, tries)
     xy = np.stack([r * np.cos(theta), r * np.sin(theta)], axis=-1)
-    clearing = b.terrain.noise.fbm(xy / 75.0 + 31.0, 3)
+    clearing = b.terrain.clearing(xy)
     chosen = np.flatnonzero(clearing < 0.28 + 0.1 * rng.normal(size=tries))[:wanted]
     xy, r = xy[chosen], r[chosen]
     n = len(chosen)
@@ -460,28 +672,37 @@ def _add_grass(b: _Builder) -> None:
     """Last: as many patches as are left of the vertices that the level of detail allows."""
     rng = b.rng(8)
     image = textures.make_image("Lake Grass", textures.grass_atlas(512, b.seed))
-    material = image_material("Lake Grass", image, clip=True)
-    tufts = b.count(24)
-    meadow = b.mesh("Meadow Grass", plants.grass_patch(b.seed, radius=0.95, tufts=tufts, height=0.42,
-                                                      kinds=(5.0, 1.5, 1.5, 0.8)), material)
-    short = b.mesh("Turf", plants.grass_patch(b.seed + 1, radius=1.0, tufts=tufts, height=0.26,
-                                              kinds=(2.0, 5.0, 0.3, 0.8)), material)
-    dry = b.mesh("Dry Grass", plants.grass_patch(b.seed + 2, radius=0.9, tufts=tufts, height=0.5,
-                                                 kinds=(2.0, 0.5, 5.0, 0.3)), material)
+    material = image_material("Lake Grass", image, clip=True, cull=True)
+    tufts = b.count(16)
+    meadow = b.mesh(
+        "Meadow Grass",
+        plants.grass_patch(b.seed, radius=0.95, tufts=tufts, height=0.42, kinds=(5.0, 1.5, 1.5, 0.8)),
+        material,
+    )
+    short = b.mesh(
+        "Turf",
+        plants.grass_patch(b.seed + 1, radius=1.0, tufts=tufts, height=0.26, kinds=(2.0, 5.0, 0.3, 0.8)),
+        material,
+    )
+    dry = b.mesh(
+        "Dry Grass",
+        plants.grass_patch(b.seed + 2, radius=0.9, tufts=tufts, height=0.5, kinds=(2.0, 0.5, 5.0, 0.3)),
+        material,
+    )
     target = THESIS_VERTICES * b.detail
     terrace = b.terrain.terrace
     for _ in range(40000):
-        if b.vertices + 4 * tufts > target:
+        if b.vertices + len(meadow.vertices) > target:
             break
         theta = rng.uniform(0.0, 2.0 * math.pi)
-        if rng.uniform() < 0.68:
-            x, y = b.shore(theta, 0.9 + 6.5 * rng.uniform() ** 1.5)
+        if rng.uniform() < 0.62:
+            x, y = b.shore(theta, 0.6 + 6.5 * rng.uniform() ** 1.5)
         else:
             r = 23.0 + 16.0 * rng.uniform()
             x, y = r * math.cos(theta), r * math.sin(theta)
         z = b.ground(x, y)
         along, across = terrace.local(np.array([x, y]))
-        if z < 0.30 or (along > terrace.start - 1.0 and abs(across) < terrace.half_width + 0.9):
+        if z < 0.17 or (along > terrace.start - 1.0 and abs(across) < terrace.half_width + 0.9):
             continue
         patches = float(b.terrain.noise.fbm(np.array([0.11 * x + 23.0, 0.11 * y + 23.0]), 3)) * 1.3
         r = math.hypot(x, y)
@@ -513,7 +734,7 @@ def _add_sun(b: _Builder, direction: np.ndarray) -> bpy.types.Object:
 
 def _add_camera(b: _Builder) -> bpy.types.Object:
     data = bpy.data.cameras.new("Lake Camera")
-    data.lens = 28.0
+    data.lens = 26.0
     data.sensor_width = 36.0
     data.clip_start = 0.1
     data.clip_end = 2000.0

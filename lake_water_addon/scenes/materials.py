@@ -33,7 +33,9 @@ def attribute_material(name: str, *, cull: bool = False) -> bpy.types.Material:
     return material
 
 
-def image_material(name: str, image: bpy.types.Image, *, clip: bool = False, cull: bool = False) -> bpy.types.Material:
+def image_material(
+    name: str, image: bpy.types.Image, *, clip: bool = False, cull: bool = False
+) -> bpy.types.Material:
     """Base colour from an image by the mesh's uv map; `clip` drops what has an alpha of at most 0.5."""
     material, shader = _principled(name)
     tree = material.node_tree

@@ -24,7 +24,10 @@ class GradientNoise:
         self._permutation = rng.permutation(256).astype(np.int64)
         angle = rng.uniform(0.0, 2.0 * np.pi, 256)
         solid = rng.normal(size=(3, 256))
-        self._gradients = {2: np.stack([np.cos(angle), np.sin(angle)]), 3: solid / np.linalg.norm(solid, axis=0)}
+        self._gradients = {
+            2: np.stack([np.cos(angle), np.sin(angle)]),
+            3: solid / np.linalg.norm(solid, axis=0),
+        }
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Noise at (..., 2) or (..., 3) points: (...) float64."""
@@ -80,7 +83,9 @@ class GradientNoise:
         return total / norm
 
 
-def tile_noise(size: int, rng: np.random.Generator, *, exponent: float, low: float, high: float) -> np.ndarray:
+def tile_noise(
+    size: int, rng: np.random.Generator, *, exponent: float, low: float, high: float
+) -> np.ndarray:
     """A tileable (size, size) image of band-limited 1/f noise: mean 0, standard deviation 1, float32.
 
     low, high: the band in cycles per tile. Made by filtering white noise in the frequency domain.
@@ -90,7 +95,7 @@ def tile_noise(size: int, rng: np.random.Generator, *, exponent: float, low: flo
     fx = np.fft.rfftfreq(size)[None, :] * size
     f = np.hypot(fx, fy)
     with np.errstate(divide="ignore"):
-        gain = np.where((f >= low) & (f <= high), f ** -exponent, 0.0)
+        gain = np.where((f >= low) & (f <= high), f**-exponent, 0.0)
     image = np.fft.irfft2(spectrum * gain, s=(size, size)).astype(np.float32)
     return image / max(float(image.std()), 1e-12)
 

@@ -20,9 +20,16 @@ _SEARCH_RADIUS = 10.0  # m around the wanted spot
 _CLEARANCE = 0.05  # m by which the bottom may lie too high or too low
 
 
-def place_obj(scene: bpy.types.Scene, path: str | Path, *, location: Sequence[float], water_level: float = 0.0,
-              height: float = 2.5, heading: float = 0.0,
-              collection: bpy.types.Collection | None = None) -> bpy.types.Object:
+def place_obj(
+    scene: bpy.types.Scene,
+    path: str | Path,
+    *,
+    location: Sequence[float],
+    water_level: float = 0.0,
+    height: float = 2.5,
+    heading: float = 0.0,
+    collection: bpy.types.Collection | None = None,
+) -> bpy.types.Object:
     """Import an OBJ file (Y up) and stand it in the water with half of its height under `water_level`.
 
     location: (x, y) wanted, world space, m; where the bottom is too shallow there, the nearest spot that is deep
@@ -77,7 +84,9 @@ def _check(path: Path) -> tuple[bool, bool]:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         reason = error.strerror or error
-        raise ValueError(f"Cannot read the OBJ file {path} ({reason}): check the path and its permissions.") from None
+        raise ValueError(
+            f"Cannot read the OBJ file {path} ({reason}): check the path and its permissions."
+        ) from None
     vertices = faces = 0
     has_normals = has_uv = False
     for number, line in enumerate(text.splitlines(), start=1):
@@ -90,7 +99,9 @@ def _check(path: Path) -> tuple[bool, bool]:
             except ValueError:
                 sound = False
             if not sound:
-                raise ValueError(f"{path}, line {number}: not a vertex ('{line.strip()[:40]}'). Export the file again.")
+                raise ValueError(
+                    f"{path}, line {number}: not a vertex ('{line.strip()[:40]}'). Export the file again."
+                )
             vertices += 1
         elif words[0] == "vn":
             has_normals = True
@@ -103,15 +114,23 @@ def _check(path: Path) -> tuple[bool, bool]:
                 indices = []
             # Indices count from 1, negative ones backwards from the vertices read so far.
             if len(indices) < 3 or any(i == 0 or i < -vertices for i in indices):
-                raise ValueError(f"{path}, line {number}: not a face ('{line.strip()[:40]}'). Export the file again.")
+                raise ValueError(
+                    f"{path}, line {number}: not a face ('{line.strip()[:40]}'). Export the file again."
+                )
             faces += 1
             highest = max(indices)
             if highest > vertices and f"\nv" not in text:
-                raise ValueError(f"{path}, line {number}: vertex {highest} does not exist. Export the file again.")
+                raise ValueError(
+                    f"{path}, line {number}: vertex {highest} does not exist. Export the file again."
+                )
     if vertices == 0:
-        raise ValueError(f"{path} holds no vertices: it is empty or no OBJ file. Choose a Wavefront OBJ mesh.")
+        raise ValueError(
+            f"{path} holds no vertices: it is empty or no OBJ file. Choose a Wavefront OBJ mesh."
+        )
     if faces == 0:
-        raise ValueError(f"{path} holds no faces, so there is nothing to draw: export it as a mesh with faces.")
+        raise ValueError(
+            f"{path} holds no faces, so there is nothing to draw: export it as a mesh with faces."
+        )
     return has_normals, has_uv
 
 
@@ -121,8 +140,14 @@ def _import(scene: bpy.types.Scene, path: Path) -> bpy.types.Object:
     active = bpy.context.view_layer.objects.active if bpy.context.view_layer else None
     with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
         try:
-            bpy.ops.wm.obj_import(filepath=str(path), forward_axis="NEGATIVE_Z", up_axis="Y",
-                                  use_split_objects=False, use_split_groups=False, validate_meshes=True)
+            bpy.ops.wm.obj_import(
+                filepath=str(path),
+                forward_axis="NEGATIVE_Z",
+                up_axis="Y",
+                use_split_objects=False,
+                use_split_groups=False,
+                validate_meshes=True,
+            )
         except RuntimeError as error:
             for obj in set(bpy.data.objects) - before:
                 _discard(obj)
@@ -163,8 +188,11 @@ def _bounds(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
 def _dress(mesh: bpy.types.Mesh, path: Path, has_uv: bool) -> None:
     """Give the mesh a material with the image beside the file, unless its own materials have one."""
     for material in mesh.materials:
-        if material and material.node_tree and any(n.type == "TEX_IMAGE" and n.image and n.image.has_data
-                                                   for n in material.node_tree.nodes):
+        if (
+            material
+            and material.node_tree
+            and any(n.type == "TEX_IMAGE" and n.image and n.image.has_data for n in material.node_tree.nodes)
+        ):
             return
     picture = _image_beside(path) if has_uv else None
     if picture is not None:
@@ -184,6 +212,7 @@ def _dress(mesh: bpy.types.Mesh, path: Path, has_uv: bool) -> None:
 
 def _image_beside(path: Path) -> Path | None:
     """The image in the file's folder with the same stem, else with the same first word."""
+
     def first_word(stem: str) -> str:
         return re.split(r"[_\-. ]", stem.lower())[0]
 
@@ -193,11 +222,15 @@ def _image_beside(path: Path) -> Path | None:
     return next(iter(same + alike), None)
 
 
-def _bottom(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, x: float, y: float, top: float) -> float | None:
+def _bottom(
+    scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, x: float, y: float, top: float
+) -> float | None:
     """World z of the highest surface under (x, y) below `top`, water surfaces excepted; None: there is nothing."""
     origin = Vector((x, y, top))
     for _ in range(32):
-        hit, point, _normal, _index, obj, _matrix = scene.ray_cast(depsgraph, origin, Vector((0.0, 0.0, -1.0)))
+        hit, point, _normal, _index, obj, _matrix = scene.ray_cast(
+            depsgraph, origin, Vector((0.0, 0.0, -1.0))
+        )
         if not hit:
             return None
         settings = getattr(obj, "lake_water", None)
@@ -207,7 +240,9 @@ def _bottom(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, x: float, y:
     return None
 
 
-def _find_spot(scene: bpy.types.Scene, location: Sequence[float], feet: float) -> tuple[float, float, float | None]:
+def _find_spot(
+    scene: bpy.types.Scene, location: Sequence[float], feet: float
+) -> tuple[float, float, float | None]:
     """(x, y, z of the bottom) nearest to `location` where nothing stands higher than `feet`."""
     depsgraph = scene.view_layers[0].depsgraph
     depsgraph.update()
@@ -217,7 +252,8 @@ def _find_spot(scene: bpy.types.Scene, location: Sequence[float], feet: float) -
             return x, y, bottom
     raise ValueError(
         f"Within {_SEARCH_RADIUS:g} m of ({location[0]:g}, {location[1]:g}) the water is nowhere deep enough for "
-        "half of the object: choose another place or a smaller height.")
+        "half of the object: choose another place or a smaller height."
+    )
 
 
 def _spiral(x: float, y: float) -> Iterator[tuple[float, float]]:
@@ -230,8 +266,14 @@ def _spiral(x: float, y: float) -> Iterator[tuple[float, float]]:
             yield x + ring * step * math.cos(a), y + ring * step * math.sin(a)
 
 
-def _plinth(name: str, place: tuple[float, float], size: np.ndarray, bottom: float, top: float,
-            collection: bpy.types.Collection) -> None:
+def _plinth(
+    name: str,
+    place: tuple[float, float],
+    size: np.ndarray,
+    bottom: float,
+    top: float,
+    collection: bpy.types.Collection,
+) -> None:
     material = bpy.data.materials.new(f"{name} Plinth")
     shader = next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = (0.36, 0.33, 0.28, 1.0)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import Geometry, cards, join, tube
+from .geometry import Geometry, cards, join, tube, two_sided
 from .noise import GradientNoise
 
 ATLAS = np.array([[0.0, 0.0, 0.5, 0.5], [0.5, 0.0, 1.0, 0.5], [0.0, 0.5, 0.5, 1.0], [0.5, 0.5, 1.0, 1.0]])
 BARK = np.array([0.135, 0.105, 0.078])
-BIRCH_BARK = np.array([0.56, 0.54, 0.49])
-PINE_BARK = np.array([0.21, 0.105, 0.055])
+BIRCH_BARK = np.array([0.42, 0.40, 0.36])
+PINE_BARK = np.array([0.24, 0.115, 0.06])
 
 
 def _unit(v: np.ndarray) -> np.ndarray:
@@ -41,8 +41,15 @@ def _bark(geometry: Geometry, color: np.ndarray, noise: GradientNoise, *, birch:
     return geometry.with_color(np.clip(colors * foot[:, None], 0.01, 0.8))
 
 
-def _limb(start: np.ndarray, end: np.ndarray, radius: float, sides: int, points: int, sag: float,
-          rng: np.random.Generator) -> Geometry:
+def _limb(
+    start: np.ndarray,
+    end: np.ndarray,
+    radius: float,
+    sides: int,
+    points: int,
+    sag: float,
+    rng: np.random.Generator,
+) -> Geometry:
     t = np.linspace(0.0, 1.0, points)[:, None]
     path = start + (end - start) * t
     path[:, 2] += sag * np.sin(np.pi * t[:, 0])
@@ -50,16 +57,36 @@ def _limb(start: np.ndarray, end: np.ndarray, radius: float, sides: int, points:
     return tube(path, radius * (1.0 - 0.82 * t[:, 0]), sides)
 
 
-def broadleaf(seed: int, *, height: float, spread: float, cards_per_blob: int, blobs: int, card: float,
-              trunk_radius: float, sides: int, clear_trunk: float = 0.28, birch: bool = False) -> Geometry:
-    """A deciduous tree on z = 0. spread: crown radius in m; card: half size of a leaf card in m."""
+def broadleaf(
+    seed: int,
+    *,
+    height: float,
+    spread: float,
+    cards_per_blob: int,
+    blobs: int,
+    card: float,
+    trunk_radius: float,
+    sides: int,
+    clear_trunk: float = 0.28,
+    flat: float = 0.82,
+    bark: np.ndarray = BARK,
+) -> Geometry:
+    """A tree on z = 0 with clouds of leaves. spread: crown radius in m; card: half size of a leaf card in m.
+
+    The cards face outwards. flat: height of a cloud of leaves by its width.
+    """
     rng = np.random.default_rng([seed, 21])
     noise = GradientNoise(seed + 5)
     lean = rng.normal(0.0, 0.03, size=2) * height
     levels = np.linspace(-0.35, 0.72 * height, 7)
     t = np.clip(levels / (0.72 * height), 0.0, 1.0)
-    path = np.column_stack([lean[0] * t ** 2 + rng.normal(0, 0.012 * height, 7) * t,
-                            lean[1] * t ** 2 + rng.normal(0, 0.012 * height, 7) * t, levels])
+    path = np.column_stack(
+        [
+            lean[0] * t**2 + rng.normal(0, 0.012 * height, 7) * t,
+            lean[1] * t**2 + rng.normal(0, 0.012 * height, 7) * t,
+            levels,
+        ]
+    )
     flare = 1.0 + 0.9 * np.exp(-np.maximum(levels, 0.0) / (0.05 * height))
     parts = [tube(path, trunk_radius * (1.0 - 0.8 * t) * flare, sides)]
     crown = np.array([lean[0], lean[1], height * (0.5 + 0.5 * clear_trunk)])
@@ -72,24 +99,26 @@ def broadleaf(seed: int, *, height: float, spread: float, cards_per_blob: int, b
         ring = np.sqrt(max(1.0 - z * z, 0.0))
         a = n * 2.39996 + rng.uniform(-0.3, 0.3)
         r = 0.62 * rng.uniform(0.85, 1.1)
-        centers.append(crown + np.array([spread * ring * r * np.cos(a), spread * ring * r * np.sin(a),
-                                         half_height * 0.66 * z]))
+        centers.append(
+            crown
+            + np.array([spread * ring * r * np.cos(a), spread * ring * r * np.sin(a), half_height * 0.66 * z])
+        )
         radii.append(spread * rng.uniform(0.40, 0.56) * (0.8 + 0.2 * ring))
     centers.append(crown)
     radii.append(spread * 0.62)
     for center in centers[:-1:2]:
         foot = path[3] + (path[5] - path[3]) * rng.uniform()
-        parts.append(_limb(foot, center, trunk_radius * 0.42, max(sides - 3, 4), 4, 0.04 * height, rng))
-    wood = join([_bark(p, BIRCH_BARK if birch else BARK, noise, birch=birch) for p in parts])
+        parts.append(_limb(foot, center, trunk_radius * 0.42, max(sides - 4, 4), 3, 0.04 * height, rng))
+    wood = join([_bark(p, bark, noise, birch=bark is BIRCH_BARK) for p in parts])
     position, normal, owner = [], [], []
     for b, (center, radius) in enumerate(zip(centers, radii, strict=True)):
         d = _unit(rng.normal(size=(cards_per_blob, 3)))
         # Outward of the crown rather than into it, where no card would ever be seen.
         outward = _unit(center - crown + np.array([0.0, 0.0, 0.35 * half_height]))
         d = _unit(d + 0.55 * outward * (b < blobs))
-        squash = np.array([1.0, 1.0, 0.82])
+        squash = np.array([1.0, 1.0, flat])
         position.append(center + d * squash * radius * rng.uniform(0.72, 1.05, size=(cards_per_blob, 1)))
-        normal.append(_unit(d + 0.45 * rng.normal(size=d.shape)))
+        normal.append(_unit(d + 0.28 * rng.normal(size=d.shape)))
         owner.append(np.full(cards_per_blob, b))
     position, normal, owner = np.concatenate(position), np.concatenate(normal), np.concatenate(owner)
     right, up = _frame(normal, rng.uniform(0.0, 2.0 * np.pi, len(position)))
@@ -101,69 +130,102 @@ def broadleaf(seed: int, *, height: float, spread: float, cards_per_blob: int, b
     around_crown = (corner - crown) / np.array([spread, spread, half_height])
     normals = _unit(0.55 * around_blob + 0.75 * around_crown + np.array([0.0, 0.0, 0.2]))
     # Shaded tiles low and inside the crown, bright ones on top and outside.
-    light = (0.45 * around_crown[..., 2].mean(axis=1) + 0.35 * np.linalg.norm(around_crown.mean(axis=1), axis=1)
-             + 0.35 * around_blob[..., 2].mean(axis=1) + rng.normal(0.0, 0.16, len(position)))
+    light = (
+        0.45 * around_crown[..., 2].mean(axis=1)
+        + 0.35 * np.linalg.norm(around_crown.mean(axis=1), axis=1)
+        + 0.35 * around_blob[..., 2].mean(axis=1)
+        + rng.normal(0.0, 0.16, len(position))
+    )
     tile = np.digitize(light, [-0.12, 0.22, 0.55])
     leaves = cards(position, right * half, up * half, ATLAS[tile], normals)
     return join([wood.with_slot(0), leaves.with_slot(1)])
 
 
-def conifer(seed: int, *, height: float, spread: float, whorls: int, branches: int, sides: int,
-            clear_trunk: float = 0.08, droop: float = 0.28, pine: bool = False) -> Geometry:
-    """A spruce, or with `pine` an open crown on a bare red trunk. Each branch is a roof of two leaf quads."""
+def conifer(
+    seed: int,
+    *,
+    height: float,
+    spread: float,
+    whorls: int,
+    branches: int,
+    sides: int,
+    clear_trunk: float = 0.08,
+    droop: float = 0.28,
+) -> Geometry:
+    """A spruce. Each branch is a roof of two leaf quads.
+
+    Uses the needle atlas: tile 0 is the silhouette of a whole spruce, the others are branches.
+    """
     rng = np.random.default_rng([seed, 22])
     noise = GradientNoise(seed + 6)
     trunk_radius = 0.019 * height + 0.03
-    levels = np.linspace(-0.35, 0.97 * height, 8)
+    levels = np.linspace(-0.35, 0.93 * height, 7)
     t = np.clip(levels / height, 0.0, 1.0)
-    bend = rng.normal(0.0, 0.035 if pine else 0.008, size=(8, 2)) * height * t[:, None]
+    bend = rng.normal(0.0, 0.008, size=(7, 2)) * height * t[:, None]
     path = np.column_stack([bend, levels])
     flare = 1.0 + 0.8 * np.exp(-np.maximum(levels, 0.0) / (0.04 * height))
-    wood = _bark(tube(path, trunk_radius * (1.0 - 0.93 * t) * flare, sides), PINE_BARK if pine else BARK, noise)
-    centers, inward, side, outer, tiles, normals = [], [], [], [], [], []
-    positions: list[np.ndarray] = []
-    uvs: list[np.ndarray] = []
+    wood = _bark(tube(path, trunk_radius * (1.0 - 0.93 * t) * flare, sides), BARK, noise)
+    positions, uvs, normals = [], [], []
     for w in range(whorls):
         f = w / max(whorls - 1, 1)
-        z0 = height * (clear_trunk + (0.97 - clear_trunk) * f ** 0.9)
-        if pine:
-            reach = spread * np.sqrt(max(1.0 - (1.9 * f - 0.75) ** 2 / 1.6, 0.05))
-        else:
-            reach = spread * (1.0 - f) ** 0.85 + 0.06 * spread
-        count = max(int(round(branches * (1.0 - 0.45 * f))), 3)
+        z0 = height * (clear_trunk + (0.92 - clear_trunk) * f**0.9)
+        reach = spread * (1.0 - f) ** 0.85 + 0.09 * spread
+        count = max(int(round(branches * (1.0 - 0.4 * f))), 3)
         stem = np.array([np.interp(z0, levels, path[:, 0]), np.interp(z0, levels, path[:, 1]), z0])
-        for b in range(count):
-            a = w * 1.1 + 2.0 * np.pi * (b + rng.uniform(-0.25, 0.25)) / count
+        for n in range(count):
+            a = w * 1.1 + 2.0 * np.pi * (n + rng.uniform(-0.25, 0.25)) / count
             out = np.array([np.cos(a), np.sin(a), 0.0])
-            length = reach * rng.uniform(0.82, 1.12)
-            drop = (rng.uniform(-0.1, 0.35) if pine else droop * (1.2 - 0.9 * f)) * length
-            tip = stem + out * length + np.array([0.0, 0.0, (0.25 if pine else -1.0) * drop])
-            mid = stem + out * 0.55 * length + np.array([0.0, 0.0, (0.4 if pine else -0.35) * drop])
             across = np.array([-out[1], out[0], 0.0])
-            half = length * rng.uniform(0.40, 0.52) * (0.8 if f > 0.8 else 1.0)
-            fall = np.array([0.0, 0.0, -half * rng.uniform(0.3, 0.6)])
+            length = reach * rng.uniform(0.82, 1.14)
+            drop = droop * (1.25 - 0.95 * f)
+            tip = stem + out * length - np.array([0.0, 0.0, drop * length])
+            base = stem - out * 0.04 * length
+            # A ridge with two eaves: from every side some of the branch is seen face on.
+            half = length * rng.uniform(0.46, 0.60)
+            fall = np.array([0.0, 0.0, -half * rng.uniform(0.35, 0.75)])
             left, right = across * half + fall, -across * half + fall
-            base = stem - out * 0.05 * length
-            positions.append(np.array([base, mid, tip, base + left, mid + left, tip + 0.7 * left,
-                                       base + right, mid + right, tip + 0.7 * right]))
-            shade = f + rng.normal(0.0, 0.22)
-            tile = ATLAS[int(np.digitize(shade, [0.18, 0.42, 0.75]))]
-            u = tile[0] + (tile[2] - tile[0]) * np.array([0.02, 0.55, 0.98])
+            positions.append(np.array([base, tip, base + left, tip + left, base + right, tip + right]))
+            tile = ATLAS[1 + int(np.digitize(f + rng.normal(0.0, 0.22), [0.3, 0.7]))]
             middle = 0.5 * (tile[1] + tile[3])
-            uvs.append(np.array([[u[0], middle], [u[1], middle], [u[2], middle], [u[0], tile[3]], [u[1], tile[3]],
-                                 [u[2], tile[3]], [u[0], tile[1]], [u[1], tile[1]], [u[2], tile[1]]]))
-            n = _unit(out[None] * np.array([0.25, 0.7, 1.0])[:, None] + np.array([0.0, 0.0, 0.55]))
-            tilt = _unit(across)[None] * 0.45
-            normals.append(_unit(np.concatenate([n, n + tilt, n - tilt])))
-    del centers, inward, side, outer, tiles
-    # Left roof half faces up with the order axis -> tip -> eave; the right half is its mirror image.
-    quads = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [0, 6, 7, 1], [1, 7, 8, 2]])
+            uvs.append(
+                np.array(
+                    [
+                        [tile[0], middle],
+                        [tile[2], middle],
+                        [tile[0], tile[3]],
+                        [tile[2], tile[3]],
+                        [tile[0], tile[1]],
+                        [tile[2], tile[1]],
+                    ]
+                )
+            )
+            ridge = out[None] * np.array([0.3, 1.0])[:, None] + np.array([0.0, 0.0, 0.6])
+            normals.append(_unit(np.concatenate([ridge, ridge + 0.45 * across, ridge - 0.45 * across])))
+    # Counter-clockwise from above: ridge, eave on the left; eave on the right, ridge.
+    quads = np.array([[0, 1, 3, 2], [4, 5, 1, 0]])
     total = len(positions)
-    corners = (quads[None] + 9 * np.arange(total)[:, None, None]).reshape(-1)
+    corners = (quads[None] + 6 * np.arange(total)[:, None, None]).reshape(-1)
     uv = np.concatenate(uvs)
-    needles = Geometry(np.concatenate(positions), corners, np.full(4 * total, 4), uvs=uv[corners],
-                       normals=np.concatenate(normals))
-    return join([wood.with_slot(0), needles.with_slot(1)])
+    parts = [
+        wood.with_slot(0),
+        Geometry(
+            np.concatenate(positions),
+            corners,
+            np.full(2 * total, 4),
+            uvs=uv[corners],
+            normals=np.concatenate(normals),
+        ).with_slot(1),
+    ]
+    # Three upright silhouettes fill the dark inside, so that no light shows through between the branches.
+    yaw = np.pi * np.arange(3) / 3.0
+    right = np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(3)]) * spread * 0.80
+    low, high = clear_trunk * 0.5 * height, 1.0 * height
+    up = np.tile([0.0, 0.0, 0.5 * (high - low)], (3, 1))
+    center = np.tile([0.0, 0.0, 0.5 * (high + low)], (3, 1))
+    # Normals in the plane of the card: seen from behind they are turned, which only swaps left and right.
+    sideways = np.stack([-right, right, right, -right], axis=1)
+    parts.append(cards(center, right, up, ATLAS[np.zeros(3, dtype=int)], _unit(sideways)).with_slot(1))
+    return join(parts)
 
 
 def shrub(seed: int, *, radius: float, cards_count: int, card: float) -> Geometry:
@@ -193,7 +255,7 @@ def grass_patch(seed: int, *, radius: float, tufts: int, height: float, kinds: t
     r = radius * np.sqrt(rng.uniform(0.0, 1.0, tufts))
     # Lower towards the rim, so that neighbouring patches melt into one another.
     half = 0.5 * height * rng.uniform(0.7, 1.25, tufts) * (1.0 - 0.45 * (r / radius) ** 2)
-    width = 0.55 * height * rng.uniform(0.8, 1.3, tufts) + 0.05
+    width = 0.75 * height * rng.uniform(0.8, 1.3, tufts) + 0.05
     centers = np.column_stack([r * np.cos(a), r * np.sin(a), half - 0.03])
     yaw = rng.uniform(0.0, np.pi, tufts)
     right = np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(tufts)]) * width[:, None]
@@ -203,8 +265,8 @@ def grass_patch(seed: int, *, radius: float, tufts: int, height: float, kinds: t
     tile = ATLAS[rng.choice(4, tufts, p=probability)]
     flip = rng.uniform(size=tufts) < 0.5
     tile = np.where(flip[:, None], tile[:, [2, 1, 0, 3]], tile)
-    n = _unit(np.column_stack([0.25 * rng.normal(size=(tufts, 2)), np.ones(tufts)]))
-    return cards(centers, right, up, tile, np.repeat(n[:, None], 4, axis=1))
+    n = np.tile([0.0, 0.0, 1.0], (tufts, 1))
+    return two_sided(cards(centers, right, up, tile, np.repeat(n[:, None], 4, axis=1)))
 
 
 def reed_clump(seed: int, *, stalks: int, radius: float, height: float) -> Geometry:
@@ -218,11 +280,14 @@ def reed_clump(seed: int, *, stalks: int, radius: float, height: float) -> Geome
     yaw = np.arange(stalks) * 2.39996 + rng.uniform(-0.4, 0.4, stalks)
     right = np.column_stack([np.cos(yaw), np.sin(yaw), np.zeros(stalks)]) * width[:, None]
     outward = np.column_stack([np.cos(a), np.sin(a)]) * (0.16 * r / radius)[:, None]
-    up = _unit(np.column_stack([outward + rng.normal(0.0, 0.05, size=(stalks, 2)), np.ones(stalks)])) * half[:, None]
+    up = (
+        _unit(np.column_stack([outward + rng.normal(0.0, 0.05, size=(stalks, 2)), np.ones(stalks)]))
+        * half[:, None]
+    )
     headed = rng.uniform(size=stalks) < 0.3
     tile = np.where(headed[:, None], [0.5, 0.0, 1.0, 1.0], [0.0, 0.0, 0.5, 1.0])
-    n = _unit(np.column_stack([0.7 * np.cos(a), 0.7 * np.sin(a), np.full(stalks, 0.9)]))
-    return cards(centers, right, up, tile, np.repeat(n[:, None], 4, axis=1))
+    n = _unit(np.column_stack([0.25 * np.cos(a), 0.25 * np.sin(a), np.ones(stalks)]))
+    return two_sided(cards(centers, right, up, tile, np.repeat(n[:, None], 4, axis=1)))
 
 
 def far_forest(points: np.ndarray, heights: np.ndarray, kinds: np.ndarray, bands: np.ndarray) -> Geometry:
@@ -230,10 +295,12 @@ def far_forest(points: np.ndarray, heights: np.ndarray, kinds: np.ndarray, bands
     n = len(points)
     outward = _unit(points[:, :2])
     half = 0.5 * heights
-    right = np.column_stack([outward[:, 1], -outward[:, 0], np.zeros(n)])
-    right = right * -1.0  # right x up points back to the centre
+    right = np.column_stack([-outward[:, 1], outward[:, 0], np.zeros(n)]) * -1.0
+    # right x up points back to the centre
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
     centers = points + np.column_stack([np.zeros((n, 2)), half * 0.92])
     tile = np.column_stack([kinds * 0.25, bands * 0.25, kinds * 0.25 + 0.25, bands * 0.25 + 0.25])
     normal = _unit(np.column_stack([-0.6 * outward, np.full(n, 0.8)]))
-    return cards(centers, right * half[:, None], up * half[:, None], tile, np.repeat(normal[:, None], 4, axis=1))
+    return cards(
+        centers, right * half[:, None], up * half[:, None], tile, np.repeat(normal[:, None], 4, axis=1)
+    )

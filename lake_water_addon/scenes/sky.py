@@ -13,10 +13,16 @@ from .noise import GradientNoise, smoothstep
 _PEREZ_Y = ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703))
 _PEREZ_x = ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452))
 _PEREZ_y = ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529))
-_ZENITH_x = ((0.00166, -0.00375, 0.00209, 0.0), (-0.02903, 0.06377, -0.03202, 0.00394),
-             (0.11693, -0.21196, 0.06052, 0.25886))
-_ZENITH_y = ((0.00275, -0.00610, 0.00317, 0.0), (-0.04214, 0.08970, -0.04153, 0.00516),
-             (0.15346, -0.26756, 0.06670, 0.26688))
+_ZENITH_x = (
+    (0.00166, -0.00375, 0.00209, 0.0),
+    (-0.02903, 0.06377, -0.03202, 0.00394),
+    (0.11693, -0.21196, 0.06052, 0.25886),
+)
+_ZENITH_y = (
+    (0.00275, -0.00610, 0.00317, 0.0),
+    (-0.04214, 0.08970, -0.04153, 0.00516),
+    (0.15346, -0.26756, 0.06670, 0.26688),
+)
 _XYZ_TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 
 
@@ -27,8 +33,14 @@ def equirectangular_directions(width: int, height: int) -> np.ndarray:
     azimuth = -(u - 0.5) * 2.0 * np.pi
     elevation = (v - 0.5) * np.pi
     horizontal = np.cos(elevation)[:, None]
-    return np.stack([horizontal * np.cos(azimuth)[None], horizontal * np.sin(azimuth)[None],
-                     np.sin(elevation)[:, None] * np.ones((1, width))], axis=-1)
+    return np.stack(
+        [
+            horizontal * np.cos(azimuth)[None],
+            horizontal * np.sin(azimuth)[None],
+            np.sin(elevation)[:, None] * np.ones((1, width)),
+        ],
+        axis=-1,
+    )
 
 
 def _perez(cos_theta: np.ndarray, gamma: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
@@ -44,8 +56,8 @@ def clear_sky(directions: np.ndarray, sun: np.ndarray, turbidity: float) -> np.n
     cos_theta = np.maximum(directions[..., 2], 0.03)
     gamma = np.arccos(np.clip(directions @ sun, -1.0, 1.0))
     theta_s = float(np.arccos(np.clip(sun[2], 0.05, 1.0)))
-    powers = np.array([theta_s ** 3, theta_s ** 2, theta_s, 1.0])
-    t = np.array([turbidity ** 2, turbidity, 1.0])
+    powers = np.array([theta_s**3, theta_s**2, theta_s, 1.0])
+    t = np.array([turbidity**2, turbidity, 1.0])
     zenith = (1.0, float(t @ np.array(_ZENITH_x) @ powers), float(t @ np.array(_ZENITH_y) @ powers))
     channels = []
     for table, at_zenith in zip((_PEREZ_Y, _PEREZ_x, _PEREZ_y), zenith, strict=True):
@@ -61,8 +73,15 @@ def clear_sky(directions: np.ndarray, sun: np.ndarray, turbidity: float) -> np.n
     return rgb / mean
 
 
-def sky_image(sun: np.ndarray, seed: int, *, width: int = 1024, mean: float = 0.62, turbidity: float = 2.6,
-              cover: float = 0.46) -> np.ndarray:
+def sky_image(
+    sun: np.ndarray,
+    seed: int,
+    *,
+    width: int = 1024,
+    mean: float = 0.62,
+    turbidity: float = 2.6,
+    cover: float = 0.46,
+) -> np.ndarray:
     """The environment as (width/2, width, 3) scene-linear radiance, row 0 at the bottom (straight down).
 
     sun: (3,) unit, towards the sun. mean: mean luminance of the clear part, W/(m^2 sr). cover: 0 cloudless .. 1.
@@ -89,8 +108,14 @@ def sky_image(sun: np.ndarray, seed: int, *, width: int = 1024, mean: float = 0.
     threshold = 0.62 - 0.9 * cover
     cloud = smoothstep(threshold, threshold + 0.55, density + 0.45 * bank) * smoothstep(0.015, 0.12, up)
     bright = np.clip(0.92 + 0.42 * (density - lit), 0.62, 1.25)
-    cloud_color = mean * np.stack([1.75 * bright + 0.5 * toward ** 6, 1.72 * bright + 0.44 * toward ** 6,
-                                   1.72 * bright + 0.34 * toward ** 6 + 0.05 * (1.25 - bright)], axis=-1)
+    cloud_color = mean * np.stack(
+        [
+            1.75 * bright + 0.5 * toward**6,
+            1.72 * bright + 0.44 * toward**6,
+            1.72 * bright + 0.34 * toward**6 + 0.05 * (1.25 - bright),
+        ],
+        axis=-1,
+    )
     sky += (0.88 * cloud)[..., None] * (cloud_color - sky)
     streak = noise.fbm(plane * np.array([0.5, 1.9]) + 55.0, 5, 0.55)
     cirrus = smoothstep(0.12, 0.9, streak) * smoothstep(0.08, 0.35, up) * 0.4

@@ -13,8 +13,8 @@ import numpy as np
 from .geometry import Geometry, grid_faces
 from .noise import GradientNoise, smoothstep, tile_cells, tile_noise
 
-PAINTED_HALF_SIZE = 30.0  # m, the square around the centre that the painted ground image covers
-PAINTED_RADIUS = 29.0  # m, faces inside use the image, faces outside their vertex colours
+PAINTED_HALF_SIZE = 36.0  # m, the square around the centre that the painted ground image covers
+PAINTED_RADIUS = 35.0  # m, faces inside use that image, faces outside the one of the hills
 OUTER_RADIUS = 900.0  # m
 _HILLS_RADIUS = 70.0  # m, where the land begins to rise
 
@@ -25,7 +25,7 @@ _PROFILE_DEPTH = np.array([0.0, 0.17, 0.45, 0.78, 1.08, 1.50, 2.30, 3.30, 4.35, 
 _LAND_DISTANCE = np.array([0.0, 0.5, 1.5, 3.0, 5.0, 8.0, 12.0, 20.0, 40.0, 80.0, 900.0])
 _LAND_HEIGHT = np.array([0.0, 0.12, 0.33, 0.47, 0.55, 0.66, 0.95, 1.7, 3.6, 6.5, 16.0])
 
-SAND = np.array([0.46, 0.385, 0.26])
+SAND = np.array([0.40, 0.325, 0.205])
 WET_SAND = np.array([0.24, 0.185, 0.115])
 SILT = np.array([0.20, 0.185, 0.105])
 MUD = np.array([0.085, 0.082, 0.048])
@@ -35,7 +35,7 @@ DRY_GRASS = np.array([0.27, 0.245, 0.085])
 LUSH_GRASS = np.array([0.065, 0.125, 0.022])
 ROCK = np.array([0.24, 0.225, 0.20])
 FOREST = np.array([0.042, 0.075, 0.024])
-HAZE = np.array([0.36, 0.47, 0.60])
+HAZE = np.array([0.41, 0.50, 0.58])
 
 
 def _hermite(x: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> np.ndarray:
@@ -50,8 +50,12 @@ def _hermite(x: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> np.ndarray:
     i = np.clip(np.searchsorted(xs, x, side="right") - 1, 0, len(xs) - 2)
     t = (x - xs[i]) / h[i]
     t2, t3 = t * t, t * t * t
-    return ((2 * t3 - 3 * t2 + 1) * ys[i] + (t3 - 2 * t2 + t) * h[i] * slope[i]
-            + (3 * t2 - 2 * t3) * ys[i + 1] + (t3 - t2) * h[i] * slope[i + 1])
+    return (
+        (2 * t3 - 3 * t2 + 1) * ys[i]
+        + (t3 - 2 * t2 + t) * h[i] * slope[i]
+        + (3 * t2 - 2 * t3) * ys[i + 1]
+        + (t3 - t2) * h[i] * slope[i + 1]
+    )
 
 
 @dataclass(frozen=True)
@@ -102,8 +106,10 @@ class LakeTerrain:
         self.noise = GradientNoise(seed)
         rng = np.random.default_rng([seed, 1])
         # Low harmonics give bays and points; the amplitudes keep the radius between about 14 and 19.5 m.
-        self._harmonics = [(n, a * rng.uniform(0.75, 1.15), rng.uniform(0.0, 2.0 * np.pi))
-                           for n, a in ((2, 1.15), (3, 0.85), (4, 0.45), (5, 0.4), (7, 0.2))]
+        self._harmonics = [
+            (n, a * rng.uniform(0.75, 1.15), rng.uniform(0.0, 2.0 * np.pi))
+            for n, a in ((2, 1.15), (3, 0.85), (4, 0.45), (5, 0.4), (7, 0.2))
+        ]
         self.islet = (5.2 + rng.uniform(-0.5, 0.5), 4.6 + rng.uniform(-0.5, 0.5))
         theta = np.radians(-75.0)
         r = self.shore_radius(theta)
@@ -151,8 +157,10 @@ class LakeTerrain:
 
     def _with_islet(self, points: np.ndarray, h: np.ndarray) -> np.ndarray:
         d = points - np.asarray(self.islet)
-        q = np.hypot(d[..., 0] * 0.8, d[..., 1]) * (1.0 + 0.18 * self.noise(points * 0.8 + 90.0))
-        crown = 0.55 - 0.42 * q - 0.13 * np.maximum(q - 1.0, 0.0) ** 1.3 + 0.05 * self.noise.fbm(points * 1.7, 3)
+        q = np.hypot(d[..., 0] * 0.8, d[..., 1]) * (1.0 + 0.12 * self.noise(points * 0.8 + 90.0))
+        crown = (
+            0.55 - 0.42 * q - 0.13 * np.maximum(q - 1.0, 0.0) ** 1.3 + 0.05 * self.noise.fbm(points * 1.7, 3)
+        )
         return np.where(q < 7.0, np.maximum(h, crown), h)
 
     def _with_terrace(self, points: np.ndarray, h: np.ndarray) -> np.ndarray:
@@ -161,8 +169,11 @@ class LakeTerrain:
         line = t.top - t.rise * np.clip((along - t.start) / t.tread, 0.0, t.steps) - 0.16
         line = np.maximum(line, -t.floor_depth - 0.12)
         end = t.floor_start + t.floor_length
-        weight = (smoothstep(t.start - 0.9, t.start - 0.1, along) * smoothstep(end + 1.4, end - 0.1, along)
-                  * smoothstep(t.half_width + 1.3, t.half_width + 0.1, np.abs(across)))
+        weight = (
+            smoothstep(t.start - 0.9, t.start - 0.1, along)
+            * smoothstep(end + 1.4, end - 0.1, along)
+            * smoothstep(t.half_width + 1.3, t.half_width + 0.1, np.abs(across))
+        )
         # Lift deep ground gently to the floor, cut high ground down below the steps.
         return h + weight * (line - h)
 
@@ -172,7 +183,13 @@ class LakeTerrain:
         h = self.height(points + step * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]))
         return np.stack([h[..., 0] - h[..., 1], h[..., 2] - h[..., 3]], axis=-1) / (2.0 * step)
 
-    def color(self, points: np.ndarray, height: np.ndarray, patches: np.ndarray, mottle: np.ndarray) -> np.ndarray:
+    def clearing(self, points: np.ndarray) -> np.ndarray:
+        """Where the hills carry meadows (high, about 0.3 and more) instead of woods, at (..., 2) points."""
+        return self.noise.fbm(points / 75.0 + 31.0, 3)
+
+    def color(
+        self, points: np.ndarray, height: np.ndarray, patches: np.ndarray, mottle: np.ndarray
+    ) -> np.ndarray:
         """Base colour (..., 3), scene-linear, without the finest detail.
 
         patches: smooth noise of a few metres; mottle: noise of a few decimetres; both about -1..1.
@@ -187,8 +204,8 @@ class LakeTerrain:
         meadow = meadow * (1.0 + 0.16 * m)
         beach = SAND * (1.0 + 0.10 * m + 0.08 * p)
         wet = _mix(WET_SAND * (1.0 + 0.12 * m), beach, smoothstep(0.03, 0.16, height + 0.03 * mottle))
-        bank = _mix(wet, meadow, smoothstep(0.22, 0.42, height + 0.10 * patches + 0.05 * mottle))
-        bed = _mix(SAND * 0.93, SILT, smoothstep(0.35, 2.0, depth + 0.5 * patches + 0.15 * mottle))
+        bank = _mix(wet, meadow, smoothstep(0.13, 0.29, height + 0.09 * patches + 0.05 * mottle))
+        bed = _mix(SAND * 0.80, SILT, smoothstep(0.35, 2.0, depth + 0.5 * patches + 0.15 * mottle))
         bed = _mix(bed, MUD, smoothstep(1.6, 4.2, depth + 0.4 * patches))
         bed = bed * (1.0 + 0.13 * m)
         shallow = _mix(WET_SAND * (1.0 + 0.12 * m), bed, smoothstep(0.0, 0.22, depth))
@@ -197,8 +214,11 @@ class LakeTerrain:
         color = _mix(color, ROCK * (0.9 + 0.22 * m), 0.65 * rocky * smoothstep(0.5, 0.2, height))
         # Woodland floor under the trees, then the wooded hills, then haze with the distance.
         r = np.hypot(points[..., 0], points[..., 1])
-        color = _mix(color, FOREST * (1.25 + 0.35 * m) + 0.02 * np.maximum(p, 0.0),
-                     smoothstep(12.0, 24.0, s + 3.0 * patches) * (0.45 + 0.35 * smoothstep(40.0, 120.0, r)))
+        color = _mix(
+            color,
+            FOREST * (1.25 + 0.35 * m) + 0.02 * np.maximum(p, 0.0),
+            smoothstep(12.0, 24.0, s + 3.0 * patches) * (0.45 + 0.35 * smoothstep(40.0, 120.0, r)),
+        )
         return np.clip(color, 0.01, 0.9)
 
 
@@ -208,20 +228,20 @@ def _mix(a: np.ndarray, b: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def terrain_mesh(terrain: LakeTerrain, detail: float) -> Geometry:
-    """A polar mesh, finest along the shore. Slot 0: painted inner part (uv); slot 1: the rest (vertex colours)."""
+    """A polar mesh, finest along the shore. Slot 0: inner part (uv of paint_ground); slot 1: the rest (paint_hills)."""
     q = float(np.sqrt(detail))
-    columns = max(int(round(176 * q)), 32)
+    columns = max(int(round(160 * q)), 32)
     rings = [0.25]
     while rings[-1] < OUTER_RADIUS:
         r = rings[-1]
         if r < 9.0:
-            step = 0.62
-        elif r < 21.0:
-            step = 0.27
+            step = 0.70
+        elif r < 20.5:
+            step = 0.31
         elif r < PAINTED_RADIUS:
-            step = 0.6
+            step = 0.95
         else:
-            step = 0.075 * r - 1.4
+            step = 0.09 * r - 1.8
         rings.append(r + step / q)
     radii = np.asarray(rings)
     radii[-1] = OUTER_RADIUS
@@ -232,31 +252,59 @@ def terrain_mesh(terrain: LakeTerrain, detail: float) -> Geometry:
     height = terrain.height(xy)
     # Columns run counter-clockwise and rows outwards: turned, the quads face up.
     quads = grid_faces(len(radii), columns, wrap=True)[:, ::-1]
-    center = np.stack([np.arange(columns), (np.arange(columns) + 1) % columns,
-                       np.full(columns, len(xy) - 1)], axis=-1)
+    center = np.stack(
+        [np.arange(columns), (np.arange(columns) + 1) % columns, np.full(columns, len(xy) - 1)], axis=-1
+    )
     corners = np.concatenate([quads.ravel(), center.ravel()])
     sizes = np.concatenate([np.full(len(quads), 4), np.full(columns, 3)])
-    inner = np.concatenate([radii[quads[:, 0] // columns] < PAINTED_RADIUS + 1e-6, np.ones(columns, dtype=bool)])
+    inner = np.concatenate(
+        [radii[quads[:, 0] // columns] < PAINTED_RADIUS + 1e-6, np.ones(columns, dtype=bool)]
+    )
     # A quad's first corner lies on its outer ring: the quad is inside when that ring is.
     slots = np.where(inner, 0, 1).astype(np.int32)
     uvs = 0.5 + xy[corners] / (2.0 * PAINTED_HALF_SIZE)
-    return Geometry(np.column_stack([xy, height]), corners, sizes, uvs=uvs,
-                    colors=_vertex_colors(terrain, xy, height), slots=slots)
+    # Outside: the direction along u (counted on past the seam), the logarithm of the distance along v.
+    column = quads[:, :1] % columns + np.array([0, 1, 1, 0])[::-1]
+    distance = np.log(radii[quads // columns] / PAINTED_RADIUS) / np.log(OUTER_RADIUS / PAINTED_RADIUS)
+    # Half a texel short of the image's edges: it repeats along v too, where the far end would bleed in.
+    polar = np.stack([column / columns, 0.004 + 0.992 * distance], axis=-1)
+    outside = ~inner[: len(quads)]
+    uvs[: 4 * len(quads)].reshape(-1, 4, 2)[outside] = polar[outside]
+    return Geometry(np.column_stack([xy, height]), corners, sizes, uvs=uvs, slots=slots)
 
 
-def _vertex_colors(terrain: LakeTerrain, xy: np.ndarray, height: np.ndarray) -> np.ndarray:
-    r = np.hypot(xy[:, 0], xy[:, 1])
+def paint_hills(terrain: LakeTerrain, size: int) -> np.ndarray:
+    """The land outside PAINTED_RADIUS as a (size/4, size, 3) scene-linear image: direction by log distance."""
+    rng = np.random.default_rng([terrain.seed, 4])
+    rows, columns = size // 4, size
+    coarse = 2
+    theta = (np.arange(columns // coarse) + 0.5) * coarse / columns * 2.0 * np.pi
+    r = PAINTED_RADIUS * (OUTER_RADIUS / PAINTED_RADIUS) ** (
+        (np.arange(rows // coarse) + 0.5) * coarse / rows
+    )
+    xy = r[:, None, None] * np.stack([np.cos(theta), np.sin(theta)], axis=-1)[None]
+    r = np.broadcast_to(r[:, None], xy.shape[:2])
     patches = 1.3 * terrain.noise.fbm(xy * 0.11 + 23.0, 3)
-    mottle = 1.2 * terrain.noise.fbm(xy * 0.6 + 61.0, 3)
-    mottle = np.where(r > 45.0, 1.2 * terrain.noise.fbm(xy * (9.0 / np.maximum(r, 45.0))[:, None], 2), mottle)
-    color = terrain.color(xy, height, patches, mottle)
-    # Meadows between the woods on the hills, then aerial perspective: the air's light over the distance.
-    clearing = smoothstep(0.25, 0.6, terrain.noise.fbm(xy / 75.0 + 31.0, 3)) * smoothstep(60.0, 130.0, r)
-    color = _mix(color, 0.9 * GRASS + 0.02, 0.8 * clearing)
-    return _mix(color, HAZE, 0.78 * (1.0 - np.exp(-np.maximum(r - 60.0, 0.0) / 520.0)))
+    mottle = 1.2 * terrain.noise.fbm(xy * 0.6 + 61.0, 2) * smoothstep(160.0, 50.0, r)
+    color = terrain.color(xy, np.full(xy.shape[:2], 5.0), patches, mottle)
+    # Meadows between the woods on the hills.
+    clearing = terrain.clearing(xy)
+    color = _mix(
+        color,
+        _mix(GRASS * 1.15, DRY_GRASS, 0.3 * smoothstep(0.0, 1.0, patches)),
+        0.85 * smoothstep(0.2, 0.5, clearing) * smoothstep(45.0, 110.0, r),
+    )
+    image = np.repeat(np.repeat(color, coarse, axis=0), coarse, axis=1)
+    far = np.repeat(np.repeat(r, coarse, axis=0), coarse, axis=1)
+    grain = tile_noise(rows, rng, exponent=0.75, low=6, high=rows / 2.2)
+    image = image * (1.0 + 0.20 * np.tile(grain, (1, columns // rows)))[..., None]
+    # Aerial perspective: the light of the air before the hills.
+    return np.clip(_mix(image, HAZE, 0.78 * (1.0 - np.exp(-np.maximum(far - 60.0, 0.0) / 520.0))), 0.01, 0.9)
 
 
-def paint_ground(terrain: LakeTerrain, size: int, shade: list[tuple[float, float, float, float]]) -> np.ndarray:
+def paint_ground(
+    terrain: LakeTerrain, size: int, shade: list[tuple[float, float, float, float]]
+) -> np.ndarray:
     """The painted ground as a (size, size, 3) scene-linear image over the square of PAINTED_HALF_SIZE.
 
     shade: soft contact shadows (x, y, radius in m, strength 0..1) under what stands on the ground.
@@ -300,21 +348,26 @@ def paint_ground(terrain: LakeTerrain, size: int, shade: list[tuple[float, float
     def on(low: float, high: float, x: np.ndarray) -> np.ndarray:
         return smoothstep(low, high, x).astype(np.float32)
 
-    grassy = on(0.25, 0.42, big_height)
+    grassy = on(0.16, 0.3, big_height)
     image *= (1.0 + grassy * 0.22 * blades + (1.0 - grassy) * 0.06 * grain)[..., None]
     # Pebbles on the beach and in the shallows, in drifts.
     drift = spread(tile_noise(tile, rng, exponent=1.6, low=1, high=12))
-    band = on(-1.5, -0.35, big_height) * on(0.42, 0.2, big_height)
-    for shape, ids, amount in ((spread(pebble), spread(owner), 0.2), (spread(small_pebble), spread(small_owner), 0.9)):
+    band = on(-1.5, -0.35, big_height) * on(0.32, 0.16, big_height)
+    for shape, ids, amount in (
+        (spread(pebble), spread(owner), 0.2),
+        (spread(small_pebble), spread(small_owner), 0.9),
+    ):
         chosen = np.where((ids * 7.0) % 1.0 < amount, 1.0, 0.0).astype(np.float32)
         mask = chosen * band * on(-0.2, 0.7, drift) * on(0.12, 0.35, shape)
         wet = 0.55 + 0.45 * on(-0.02, 0.12, big_height)
         under = np.where(big_height < -0.05, 0.85, wet)
-        grey = (0.20 + 0.30 * ids) * (0.62 + 0.38 * shape) * under
+        grey = (0.14 + 0.26 * ids) * (0.62 + 0.38 * shape) * under
         tint = np.stack([grey * (1.02 + 0.10 * ids), grey, grey * (0.92 - 0.14 * ids)], axis=-1)
         image += mask[..., None] * (tint - image)
     # Sand ripples in the shallows run along the shore: they bend visibly under the waves.
-    ripple = np.sin(big_shore * (2.0 * np.pi / 0.34) + 1.6 * spread(tile_noise(tile, rng, exponent=1.8, low=1, high=10)))
+    ripple = np.sin(
+        big_shore * (2.0 * np.pi / 0.34) + 1.6 * spread(tile_noise(tile, rng, exponent=1.8, low=1, high=10))
+    )
     where = on(-1.9, -0.5, big_height) * on(-0.12, -0.3, big_height) * on(0.5, -0.4, drift)
     image *= (1.0 + 0.16 * where * ripple)[..., None]
     # Dark weed on the bed, in patches of a metre.

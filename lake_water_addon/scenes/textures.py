@@ -43,8 +43,9 @@ def _canvas(size: int, height: int, fill: Sequence[float]) -> np.ndarray:
     return canvas
 
 
-def _stamp_leaf(canvas: np.ndarray, x: float, y: float, length: float, width: float, angle: float,
-                color: np.ndarray) -> None:
+def _stamp_leaf(
+    canvas: np.ndarray, x: float, y: float, length: float, width: float, angle: float, color: np.ndarray
+) -> None:
     """Draw one pointed leaf from (x, y) (pixels) in direction `angle`; length and width in pixels."""
     h, w = canvas.shape[:2]
     cx, cy = x + 0.5 * length * np.cos(angle), y + 0.5 * length * np.sin(angle)
@@ -66,8 +67,9 @@ def _stamp_leaf(canvas: np.ndarray, x: float, y: float, length: float, width: fl
     view[inside, 3] = 1.0
 
 
-def leaf_tile(size: int, rng: np.random.Generator, color: np.ndarray, *, leaves: int, leaf: float,
-              slender: float = 0.5) -> np.ndarray:
+def leaf_tile(
+    size: int, rng: np.random.Generator, color: np.ndarray, *, leaves: int, leaf: float, slender: float = 0.5
+) -> np.ndarray:
     """A loose round cluster of leaves. leaf: length of a leaf as a part of the tile; slender: width by length."""
     canvas = _canvas(size, size, color * 0.7)
     for n in range(leaves):
@@ -75,7 +77,12 @@ def leaf_tile(size: int, rng: np.random.Generator, color: np.ndarray, *, leaves:
         r = 0.42 * np.sqrt(rng.uniform()) * size * (1.0 - 0.15 * depth)
         a = rng.uniform(0.0, 2.0 * np.pi)
         x, y = size / 2 + r * np.cos(a), size / 2 + r * np.sin(a)
-        tint = color * (0.55 + 0.6 * depth) * rng.uniform(0.8, 1.2) * rng.uniform([0.85, 0.95, 0.8], [1.2, 1.05, 1.1])
+        tint = (
+            color
+            * (0.55 + 0.6 * depth)
+            * rng.uniform(0.8, 1.2)
+            * rng.uniform([0.85, 0.95, 0.8], [1.2, 1.05, 1.1])
+        )
         length = leaf * size * rng.uniform(0.75, 1.2)
         # Leaves point outwards, roughly.
         angle = a + rng.normal(0.0, 0.9)
@@ -85,57 +92,121 @@ def leaf_tile(size: int, rng: np.random.Generator, color: np.ndarray, *, leaves:
     return canvas
 
 
-def leaf_atlas(size: int, seed: int, color: Sequence[float], *, leaves: int = 80, leaf: float = 0.22,
-               slender: float = 0.5) -> np.ndarray:
+def leaf_atlas(
+    size: int,
+    seed: int,
+    color: Sequence[float],
+    *,
+    leaves: int = 80,
+    leaf: float = 0.22,
+    slender: float = 0.5,
+) -> np.ndarray:
     """Four leaf clusters in a 2x2 atlas: bright ones in the upper row, shaded ones in the lower row."""
     rng = np.random.default_rng([seed, 11])
     base = np.asarray(color, dtype=np.float64)
     tile = size // 2
     rows = []
     for light in ([0.42, 0.62], [0.9, 1.15]):
-        rows.append(np.concatenate([leaf_tile(tile, rng, base * k, leaves=leaves, leaf=leaf, slender=slender)
-                                    for k in light], axis=1))
+        rows.append(
+            np.concatenate(
+                [leaf_tile(tile, rng, base * k, leaves=leaves, leaf=leaf, slender=slender) for k in light],
+                axis=1,
+            )
+        )
     return np.concatenate(rows, axis=0)
+
+
+def _spruce_silhouette(
+    canvas: np.ndarray, rng: np.random.Generator, color: np.ndarray, *, width: float, rows: int
+) -> None:
+    """Draw a whole spruce over the canvas: tiers of drooping branches. width: half, as a part of the tile."""
+    tile = canvas.shape[0]
+    for n in range(rows):
+        t = n / rows
+        y = tile * (0.05 + 0.90 * t)
+        reach = tile * width * (1.0 - t) ** 0.85 * (0.78 + 0.3 * rng.uniform())
+        for side in (-1.0, 1.0):
+            for m in range(6):
+                f = (m + 0.3) / 6.0
+                tint = color * (0.55 + 0.75 * f + 0.3 * t) * rng.uniform(0.75, 1.25)
+                angle = -0.45 if side > 0.0 else np.pi + 0.45
+                _stamp_leaf(
+                    canvas,
+                    tile / 2 + side * reach * f * 0.8,
+                    y,
+                    reach * 0.45 + tile * 0.035,
+                    tile * 0.055,
+                    angle + rng.normal(0.0, 0.2),
+                    tint,
+                )
 
 
 def needle_atlas(size: int, seed: int, color: Sequence[float]) -> np.ndarray:
-    """Four conifer branches (2x2, bright above): the twig runs along u from the stem at u = 0 to the tip."""
+    """2x2 atlas for conifers: a dark whole spruce, then three branches, the last the brightest.
+
+    A branch's twig runs along u from the stem at u = 0 to the tip.
+    """
     rng = np.random.default_rng([seed, 12])
     base = np.asarray(color, dtype=np.float64)
     tile = size // 2
-    rows = []
-    for light in ([0.5, 0.68], [0.9, 1.2]):
-        row = []
-        for k in light:
-            canvas = _canvas(tile, tile, base * k * 0.7)
-            twigs = 15
-            for n in range(twigs):
-                t = n / twigs
-                side = 1.0 if n % 2 else -1.0
-                x0, y0 = tile * (0.02 + 0.84 * t), tile * 0.5
-                reach = tile * 0.47 * (1.0 - t) ** 0.75 * rng.uniform(0.8, 1.1) + tile * 0.08
-                angle = side * rng.uniform(0.65, 0.95)
-                for m in range(16):
-                    f = m / 16.0
-                    x = x0 + reach * f * np.cos(angle)
-                    y = y0 + reach * f * np.sin(angle)
-                    for spread in (-0.75, 0.75):
-                        tint = base * k * rng.uniform(0.65, 1.25) * (0.75 + 0.45 * f)
-                        _stamp_leaf(canvas, x, y, tile * 0.12 * (1.0 - 0.35 * f), tile * 0.032,
-                                    angle + spread + rng.normal(0.0, 0.12), tint)
-            for m in range(30):  # the leader
-                f = m / 30.0
-                for spread in (-0.6, 0.6):
-                    _stamp_leaf(canvas, tile * f * 0.9, tile * 0.5, tile * 0.1, tile * 0.03, spread,
-                                base * k * rng.uniform(0.7, 1.2))
-            row.append(canvas)
-        rows.append(np.concatenate(row, axis=1))
-    return np.concatenate(rows, axis=0)
+    silhouette = _canvas(tile, tile, base * 0.4)
+    _spruce_silhouette(silhouette, rng, base * 0.5, width=0.46, rows=30)
+    tiles = [silhouette]
+    for k in (0.62, 0.88, 1.2):
+        canvas = _canvas(tile, tile, base * k * 0.7)
+        twigs = 19
+        for n in range(twigs):
+            t = n / twigs
+            side = 1.0 if n % 2 else -1.0
+            x0, y0 = tile * (0.0 + 0.86 * t), tile * 0.5
+            reach = tile * 0.50 * (1.0 - t) ** 0.7 * rng.uniform(0.8, 1.1) + tile * 0.08
+            angle = side * rng.uniform(0.65, 0.95)
+            for m in range(12):
+                f = m / 12.0
+                x, y = x0 + reach * f * np.cos(angle), y0 + reach * f * np.sin(angle)
+                for spread in (-0.75, 0.75):
+                    tint = base * k * rng.uniform(0.65, 1.25) * (0.75 + 0.45 * f)
+                    _stamp_leaf(
+                        canvas,
+                        x,
+                        y,
+                        tile * 0.14 * (1.0 - 0.35 * f),
+                        tile * 0.05,
+                        angle + spread + rng.normal(0.0, 0.12),
+                        tint,
+                    )
+        for m in range(26):  # the leader
+            f = m / 26.0
+            for spread in (-0.6, 0.6):
+                _stamp_leaf(
+                    canvas,
+                    tile * f * 0.88,
+                    tile * 0.5,
+                    tile * 0.12,
+                    tile * 0.045,
+                    spread,
+                    base * k * rng.uniform(0.7, 1.2),
+                )
+        tiles.append(canvas)
+    return np.concatenate([np.concatenate(tiles[:2], axis=1), np.concatenate(tiles[2:], axis=1)], axis=0)
 
 
-def _blades(canvas: np.ndarray, rng: np.random.Generator, count: int, colors: np.ndarray, *, height: tuple[float, float],
-            width: tuple[float, float], lean: float, base: float = 0.44) -> None:
-    """Curved blades that grow from the tile's lower edge. height, width: parts of the tile; colors: (n, 3)."""
+def _blades(
+    canvas: np.ndarray,
+    rng: np.random.Generator,
+    count: int,
+    colors: np.ndarray,
+    *,
+    height: tuple[float, float],
+    width: tuple[float, float],
+    lean: float,
+    base: float = 0.44,
+    spread: float = -0.5,
+) -> None:
+    """Curved blades that grow from the tile's lower edge. height, width: parts of the tile; colors: (n, 3).
+
+    base: half width of the foot; spread: how far blades bend outwards (negative: back to the middle).
+    """
     h, w = canvas.shape[:2]
     rows = (np.arange(h) + 0.5) / h
     x = (np.arange(w) + 0.5) / w
@@ -143,21 +214,29 @@ def _blades(canvas: np.ndarray, rng: np.random.Generator, count: int, colors: np
         depth = n / max(count - 1, 1)
         top = rng.uniform(*height)
         foot = 0.5 + rng.uniform(-base, base)
-        bend = np.clip(rng.normal(0.0, lean), -2.0 * lean, 2.0 * lean) - 0.5 * (foot - 0.5)
+        bend = np.clip(rng.normal(0.0, lean), -2.0 * lean, 2.0 * lean) + spread * (foot - 0.5)
         half = 0.5 * rng.uniform(*width)
         t = rows / top
         center = foot + bend * t * t * top
         taper = half * np.sqrt(np.clip(1.0 - t, 0.0, 1.0))
         inside = np.abs(x[None] - center[:, None]) < taper[:, None]
         color = colors[rng.integers(len(colors))] * rng.uniform(0.75, 1.2)
-        shade = (0.42 + 0.62 * np.clip(t, 0.0, 1.0)) * (0.75 + 0.25 * depth)
+        shade = (0.5 + 0.55 * np.clip(t, 0.0, 1.0)) * (0.75 + 0.25 * depth)
         fill = np.broadcast_to((color[None] * shade[:, None])[:, None], (h, w, 3))
         canvas[inside, :3] = fill[inside]
         canvas[inside, 3] = 1.0
 
 
-def _dots(canvas: np.ndarray, rng: np.random.Generator, count: int, color: Sequence[float], *, low: float,
-          high: float, radius: float) -> None:
+def _dots(
+    canvas: np.ndarray,
+    rng: np.random.Generator,
+    count: int,
+    color: Sequence[float],
+    *,
+    low: float,
+    high: float,
+    radius: float,
+) -> None:
     h, w = canvas.shape[:2]
     y, x = (np.mgrid[0:h, 0:w] + 0.5) / h
     for _ in range(count):
@@ -178,16 +257,16 @@ def grass_atlas(size: int, seed: int) -> np.ndarray:
     for kind in range(4):
         canvas = _canvas(tile, tile, green[0] * 0.7)
         if kind == 0:
-            _blades(canvas, rng, 46, green, height=(0.45, 0.97), width=(0.035, 0.06), lean=0.3)
+            _blades(canvas, rng, 80, green, height=(0.4, 0.97), width=(0.018, 0.034), lean=0.32)
         elif kind == 1:
-            _blades(canvas, rng, 60, green * 0.9, height=(0.3, 0.62), width=(0.035, 0.06), lean=0.28)
+            _blades(canvas, rng, 100, green * 0.9, height=(0.25, 0.62), width=(0.018, 0.034), lean=0.3)
         elif kind == 2:
-            _blades(canvas, rng, 26, green, height=(0.35, 0.7), width=(0.035, 0.055), lean=0.3)
-            _blades(canvas, rng, 26, straw, height=(0.55, 0.98), width=(0.028, 0.045), lean=0.25)
+            _blades(canvas, rng, 45, green, height=(0.35, 0.7), width=(0.018, 0.032), lean=0.3)
+            _blades(canvas, rng, 45, straw, height=(0.5, 0.98), width=(0.014, 0.026), lean=0.28)
         else:
-            _blades(canvas, rng, 44, green, height=(0.4, 0.85), width=(0.035, 0.06), lean=0.28)
-            _dots(canvas, rng, 7, (0.75, 0.72, 0.62), low=0.6, high=0.9, radius=0.032)
-            _dots(canvas, rng, 6, (0.75, 0.50, 0.05), low=0.5, high=0.85, radius=0.028)
+            _blades(canvas, rng, 76, green, height=(0.4, 0.85), width=(0.018, 0.034), lean=0.3)
+            _dots(canvas, rng, 7, (0.75, 0.72, 0.62), low=0.6, high=0.9, radius=0.022)
+            _dots(canvas, rng, 6, (0.75, 0.50, 0.05), low=0.5, high=0.85, radius=0.02)
         tiles.append(canvas)
     return np.concatenate([np.concatenate(tiles[:2], axis=1), np.concatenate(tiles[2:], axis=1)], axis=0)
 
@@ -195,15 +274,17 @@ def grass_atlas(size: int, seed: int) -> np.ndarray:
 def reed_atlas(size: int, seed: int) -> np.ndarray:
     """Two tall tiles side by side (each size/2 wide, size high): leaves only, and with cattails."""
     rng = np.random.default_rng([seed, 14])
-    green = np.array([[0.16, 0.23, 0.055], [0.11, 0.18, 0.045], [0.22, 0.25, 0.08], [0.33, 0.29, 0.12]])
+    green = np.array([[0.19, 0.27, 0.065], [0.14, 0.22, 0.055], [0.26, 0.29, 0.09], [0.38, 0.33, 0.14]])
     tiles = []
     for heads in (0, 5):
         canvas = _canvas(size // 2, size, green[0] * 0.7)
-        _blades(canvas, rng, 17, green, height=(0.5, 0.97), width=(0.045, 0.075), lean=0.3, base=0.36)
+        _blades(
+            canvas, rng, 15, green, height=(0.45, 0.97), width=(0.05, 0.085), lean=0.22, base=0.20, spread=0.9
+        )
         h, w = canvas.shape[:2]
         y, x = np.mgrid[0:h, 0:w].astype(np.float32) + 0.5
         for _ in range(heads):
-            top, foot, bend = rng.uniform(0.72, 0.97), rng.uniform(0.25, 0.75), rng.uniform(-0.12, 0.12)
+            top, foot, bend = rng.uniform(0.72, 0.97), rng.uniform(0.35, 0.65), rng.uniform(-0.2, 0.2)
             t = y / h / top
             center = (foot + bend * t * t) * w
             stalk = (np.abs(x - center) < 0.012 * w) & (t < 1.0)
@@ -223,40 +304,38 @@ def far_tree_atlas(size: int, seed: int, haze: Sequence[float]) -> np.ndarray:
     kinds = []
     for kind in range(4):
         conifer = kind < 2
-        color = np.array([0.035, 0.062, 0.026]) if conifer else np.array([[0.075, 0.115, 0.03],
-                                                                          [0.115, 0.125, 0.03]][kind - 2])
+        color = np.array(
+            ([0.050, 0.088, 0.036], [0.043, 0.082, 0.040], [0.10, 0.15, 0.035], [0.14, 0.155, 0.035])[kind]
+        )
         canvas = _canvas(tile, tile, color * 0.8)
         if conifer:
-            rows = 34
-            for n in range(rows):
-                t = n / rows
-                y = tile * (0.06 + 0.90 * t)
-                reach = tile * (0.30 - 0.05 * kind) * (1.0 - t) ** 0.85 * (0.75 + 0.3 * rng.uniform())
-                for side in (-1.0, 1.0):
-                    for m in range(5):
-                        f = (m + 0.6) / 5.0
-                        tint = color * (0.6 + 0.7 * f + 0.35 * t) * rng.uniform(0.75, 1.25)
-                        _stamp_leaf(canvas, tile / 2 + side * reach * f * 0.75, y, reach * 0.5 + tile * 0.03,
-                                    tile * 0.06, np.pi / 2 - side * (np.pi / 2 + 0.45) + rng.normal(0, 0.2), tint)
+            _spruce_silhouette(canvas, rng, color, width=0.30 - 0.05 * kind, rows=34)
         else:
             for n in range(190):
                 depth = n / 190.0
                 a = rng.uniform(0, 2 * np.pi)
                 r = np.sqrt(rng.uniform())
                 lobe = 1.0 + 0.18 * np.sin(3 * a + kind) + 0.1 * np.sin(5 * a)
-                x = tile * (0.5 + 0.34 * r * lobe * np.cos(a))
-                y = tile * (0.56 + 0.34 * r * lobe * np.sin(a))
+                x = tile * (0.5 + 0.32 * r * lobe * np.cos(a))
+                y = tile * (0.53 + 0.32 * r * lobe * np.sin(a))
                 light = 0.5 + 0.75 * depth * (0.5 + 0.5 * np.sin(a) * r + 0.2)
-                _stamp_leaf(canvas, x, y, tile * 0.11, tile * 0.085, rng.uniform(0, 2 * np.pi),
-                            color * light * rng.uniform(0.8, 1.25))
-            trunk = canvas[: int(0.3 * tile), int(0.48 * tile): int(0.52 * tile)]
+                _stamp_leaf(
+                    canvas,
+                    x,
+                    y,
+                    tile * 0.11,
+                    tile * 0.085,
+                    rng.uniform(0, 2 * np.pi),
+                    color * light * rng.uniform(0.8, 1.25),
+                )
+            trunk = canvas[: int(0.3 * tile), int(0.48 * tile) : int(0.52 * tile)]
             bare = trunk[..., 3] < 0.5
             trunk[bare, :3] = (0.05, 0.04, 0.03)
             trunk[..., 3] = 1.0
         kinds.append(canvas)
     row = np.concatenate(kinds, axis=1)
     rows = []
-    for amount in (0.04, 0.2, 0.4, 0.4):
+    for amount in (0.05, 0.22, 0.42, 0.42):
         hazed = row.copy()
         hazed[..., :3] += amount * (np.asarray(haze, dtype=np.float32) - hazed[..., :3])
         rows.append(hazed)
@@ -271,7 +350,9 @@ def wood(size: int, seed: int, color: Sequence[float] = (0.30, 0.245, 0.185)) ->
     spectrum = np.fft.rfft2(rng.standard_normal((size, size)))
     fy = np.abs(np.fft.fftfreq(size)[:, None] * size)
     fx = np.fft.rfftfreq(size)[None, :] * size
-    fibres = np.fft.irfft2(spectrum * np.exp(-((fx / 3.0) ** 2)) * np.exp(-((fy / (size / 5)) ** 2)), s=(size, size))
+    fibres = np.fft.irfft2(
+        spectrum * np.exp(-((fx / 3.0) ** 2)) * np.exp(-((fy / (size / 5)) ** 2)), s=(size, size)
+    )
     fibres /= fibres.std()
     cracks = smoothstep(1.6, 2.6, fibres + 0.25 * noise)
     tone = 1.0 + 0.20 * fibres + 0.10 * noise
@@ -352,3 +433,63 @@ def boat_paint(size: int, seed: int) -> np.ndarray:
     return np.clip(image, 0.01, 0.9).astype(np.float32)
 
 
+def cabin_atlas(size: int, seed: int) -> np.ndarray:
+    """Boathouse: lower left board walls, lower right the gable with the door, upper left the eaves' wall with a
+    window, upper right the roof's shingles. Each tile is a quarter."""
+    rng = np.random.default_rng([seed, 21])
+    tile = size // 2
+    y, x = (np.mgrid[0:tile, 0:tile] + 0.5) / tile
+    noise = tile_noise(tile, rng, exponent=1.1, low=1, high=tile / 3)
+    streaks = np.repeat(rng.normal(0.0, 1.0, 22), tile // 22 + 1)[:tile]
+    board = (x * 22.0) % 1.0
+    red = np.array([0.255, 0.048, 0.030])
+    white = np.array([0.62, 0.60, 0.55])
+    walls = red * (1.0 + 0.07 * noise + 0.07 * streaks[None, :])[..., None]
+    walls = np.where((board < 0.10)[..., None], walls * 0.55, walls)
+    walls = walls * (0.72 + 0.28 * smoothstep(0.0, 0.16, y))[..., None]
+
+    def panel(image: np.ndarray, x0: float, x1: float, y0: float, y1: float, color: np.ndarray) -> np.ndarray:
+        inside = (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        return np.where(inside[..., None], color * (1.0 + 0.05 * noise)[..., None], image)
+
+    door = panel(walls, 0.36, 0.64, 0.0, 0.56, white)
+    door = panel(door, 0.385, 0.615, 0.0, 0.535, np.array([0.055, 0.12, 0.10]))
+    for m in range(1, 5):
+        door = panel(
+            door,
+            0.385 + 0.046 * m - 0.003,
+            0.385 + 0.046 * m + 0.003,
+            0.0,
+            0.535,
+            np.array([0.02, 0.05, 0.04]),
+        )
+    door = panel(door, 0.595, 0.607, 0.24, 0.30, np.array([0.45, 0.40, 0.30]))
+    window = walls
+    for x0 in (0.16, 0.62):
+        window = panel(window, x0, x0 + 0.22, 0.34, 0.80, white)
+        for ix in range(2):
+            for iy in range(2):
+                window = panel(
+                    window,
+                    x0 + 0.022 + 0.092 * ix,
+                    x0 + 0.022 + 0.092 * ix + 0.082,
+                    0.375 + 0.205 * iy,
+                    0.375 + 0.205 * iy + 0.185,
+                    np.array([0.055, 0.075, 0.095]),
+                )
+    row = np.floor(y * 14.0)
+    shingle = (x * 18.0 + 0.5 * (row % 2)) % 1.0
+    tone = rng.uniform(0.7, 1.2, size=(15, 20))[
+        row.astype(int), np.floor(x * 18.0 + 0.5 * (row % 2)).astype(int)
+    ]
+    moss = smoothstep(0.9, 2.0, tile_noise(tile, rng, exponent=1.5, low=1, high=40))
+    roof = (
+        np.array([0.115, 0.10, 0.09])
+        * (tone * (0.6 + 0.4 * smoothstep(0.0, 0.35, (y * 14.0) % 1.0)))[..., None]
+    )
+    roof = np.where((shingle < 0.07)[..., None], roof * 0.6, roof)
+    roof = roof + (0.6 * moss)[..., None] * (np.array([0.085, 0.11, 0.03]) - roof)
+    atlas = np.concatenate(
+        [np.concatenate([walls, door], axis=1), np.concatenate([window, roof], axis=1)], axis=0
+    )
+    return np.clip(atlas, 0.01, 0.9).astype(np.float32)

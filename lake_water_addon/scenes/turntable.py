@@ -12,9 +12,17 @@ from mathutils import Matrix, Vector
 PIVOT_NAME = "Turntable Pivot"
 
 
-def animate_turntable(scene: bpy.types.Scene, camera: bpy.types.Object, *, center: Sequence[float], radius: float,
-                      height: float, frames: int, look_height: float = 0.0,
-                      start_angle: float = -math.pi / 2.0) -> bpy.types.Object:
+def animate_turntable(
+    scene: bpy.types.Scene,
+    camera: bpy.types.Object,
+    *,
+    center: Sequence[float],
+    radius: float,
+    height: float,
+    frames: int,
+    look_height: float = 0.0,
+    start_angle: float = -math.pi / 2.0,
+) -> bpy.types.Object:
     """Let `camera` orbit `center` once, counter-clockwise from above, over `frames` frames; returns the pivot.
 
     center: (x, y, z) in m, world space; height: of the camera above center's z; look_height: above center's z of
