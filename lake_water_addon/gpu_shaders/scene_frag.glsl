@@ -38,11 +38,9 @@ void main()
   }
 #endif
 
-  vec3 to_eye = pass_view.eye.w > 0.5 ? pass_view.eye.xyz : pass_view.eye.xyz - v_position;
-  vec3 n = normalize(v_normal);
-  if (dot(n, to_eye) < 0.0) {
-    n = -n;
-  }
+  // A face seen from behind is lit like its other side. By the face and not by the normal, which leaves
+  // of grass have turned up on purpose.
+  vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
   out_color = vec4(diffuse_radiance(albedo, n), 1.0);
 #ifdef MARK_INSIDE
   // The inside of a solid that the water line cuts open: nothing can be seen there, so that a
