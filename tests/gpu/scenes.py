@@ -174,11 +174,16 @@ def with_water(scene: SceneSnapshot, **settings) -> SceneSnapshot:
     return replace(scene, version=next(_versions), waters=waters)
 
 
+def changed(mesh: Mesh, **parts) -> Mesh:
+    """The mesh with other arrays, as a new version of it."""
+    return replace(mesh, version=next(_versions), **parts)
+
+
 def position_coded(mesh: Mesh) -> Mesh:
     """The mesh with its positions, up to 8 m from the origin, as vertex colours: a texel tells its place."""
     colors = np.ones((len(mesh.positions), 4), np.float32)
     colors[:, :3] = mesh.positions / 16.0 + 0.5
-    return replace(mesh, colors=colors, version=next(_versions))
+    return changed(mesh, colors=colors)
 
 
 def decoded_positions(colors: np.ndarray) -> np.ndarray:

@@ -128,6 +128,85 @@ def test_water_of_a_mesh_is_that_of_the_grid(renderer, scale):
     assert error.mean() < 1e-3 and np.mean(error > 0.02) < 0.01, (error.mean(), np.mean(error > 0.02))
 
 
+def baked(mesh, matrix):
+    """The mesh with the matrix already applied: positions, and normals by the inverse transpose."""
+    normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    positions = mesh.positions @ matrix[:3, :3].T + matrix[:3, 3]
+    return scenes.changed(mesh, positions=positions.astype(np.float32), normals=normals.astype(np.float32))
+
+
+SQUEEZED = np.array([[1.2, -0.9, 0, 3.0], [0.6, 1.6, 0, 1.0], [0, 0, 0.7, 0.5], [0, 0, 0, 1]])
+
+
+def test_normals_follow_a_matrix_that_squeezes(renderer):
+    """Hills under a sun, shaped by the instance's matrix or before: the same light on the same slopes."""
+    hills = scenes.grid_mesh("hills", 129, 8.0, lambda x, y: 1.5 * np.sin(x) * np.cos(0.7 * y))
+    white, sun = scenes.Material("white", np.ones(3)), scenes.pond().sun
+
+    def picture(mesh, matrix):
+        scene = scenes.snapshot((mesh,), (white,), (("hills", "white", [matrix]),), sun=sun)
+        return draw(renderer, scene, scenes.look_at((12, -14, 12), (3, 1, 0)))
+
+    error = np.abs(picture(hills, SQUEEZED) - picture(baked(hills, SQUEEZED), np.eye(4))).max(axis=-1)
+    assert error.mean() < 1e-4 and np.mean(error > 0.01) < 1e-3, (error.mean(), np.mean(error > 0.01))
+
+
+def test_normals_of_water_follow_a_matrix_that_squeezes(renderer):
+    """A swell modelled as a mesh, under the same matrix: its slopes are in the reflections."""
+    swell = scenes.grid_mesh("swell", 129, 8.0, lambda x, y: 0.3 * np.sin(x) * np.cos(0.7 * y))
+    pond = scenes.pond(waves=())
+
+    def picture(mesh, matrix):
+        body = replace(pond.waters[0], matrix=matrix, grid=None, mesh="swell")
+        scene = scenes.snapshot((mesh,), (), (), (body,))
+        return draw(renderer, scene, scenes.look_at((12, -14, 6), (3, 1, 0)))
+
+    unmoved = np.eye(4)
+    unmoved[:3, 3] = SQUEEZED[:3, 3]
+    shape = SQUEEZED.copy()
+    shape[:3, 3] = 0.0
+    error = np.abs(picture(swell, SQUEEZED) - picture(baked(swell, shape), unmoved)).max(axis=-1)
+    assert error.mean() < 1e-4 and np.mean(error > 0.01) < 2e-3, (error.mean(), np.mean(error > 0.01))
+
+
+@pytest.mark.parametrize(("near", "far"), [(0.1, 1000.0), (1e-3, 1e5)])
+def test_sky_image_is_seen_in_its_direction(renderer, bpy_module, near, far):
+    """Each pixel of an image sky that holds its own directions: to a third of a degree, at any clip range."""
+    from lake_water_addon.core import sky as sky_math
+
+    height, width = 256, 512
+    v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(width) + 0.5) / width, indexing="ij")
+    pixels = np.ones((height, width, 4), np.float32)
+    pixels[..., :3] = 0.5 + 0.5 * sky_math.equirectangular_direction(np.stack([u, v], -1))
+    image = bpy_module.data.images.new("directions", width, height, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(pixels.ravel())
+    image.update()
+    try:
+        rotation = 0.7
+        base = scenes.constant_sky()
+        sky = scenes.Sky(base.radiance, base.irradiance_sh, image.name, 1.0, rotation)
+        scene = scenes.snapshot((), (), (), sky=sky)
+        # One picture over the image's seam, one towards the zenith.
+        for target in ((-10, -8, 6), (1, 2, 30)):
+            camera = scenes.look_at((0, 0, 4), target, near=near, far=far)
+            seen = 2.0 * draw(renderer, scene, camera)[..., :3] - 1.0
+            seen /= np.linalg.norm(seen, axis=-1, keepdims=True)
+            y, x = np.meshgrid(
+                2 * (np.arange(SIZE[1]) + 0.5) / SIZE[1] - 1,
+                2 * (np.arange(SIZE[0]) + 0.5) / SIZE[0] - 1,
+                indexing="ij",
+            )
+            rays = np.stack([x / camera.projection[0, 0], y / camera.projection[1, 1], -np.ones_like(x)], -1)
+            uv = sky_math.equirectangular_uv(rays @ camera.view[:3, :3], rotation)
+            expected = sky_math.equirectangular_direction(uv)
+            angle = np.degrees(np.arccos(np.clip(np.sum(seen * expected, -1), -1.0, 1.0)))
+            assert angle.max() < 0.33 and angle.mean() < 0.1, (angle.max(), angle.mean())
+    finally:
+        bpy_module.data.images.remove(image)
+
+
 def test_meshes_without_vertices_and_zero_scales_are_drawn_as_nothing(renderer):
     scene = scenes.pond()
     sheet = scenes.grid_mesh("nothing", 2, 1.0)
