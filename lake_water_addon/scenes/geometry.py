@@ -18,7 +18,8 @@ class Geometry:
 
     positions: (V, 3). corners: (L,) vertex of each face corner, the faces one after another; sizes: (F,)
     corners of each face. uvs: (L, 2) or None. colors: (V, 3) scene-linear or None. normals: (V, 3) custom
-    vertex normals or None. slots: (F,) material slot; smooth: (F,) smooth shaded. Counter-clockwise = outside.
+    vertex normals or None. slots: (F,) material slot; smooth: (F,) smooth shaded.
+    Counter-clockwise faces look outwards.
     """
 
     positions: np.ndarray
@@ -38,7 +39,7 @@ class Geometry:
             object.__setattr__(self, "smooth", np.ones(faces, dtype=bool))
 
     def moved(self, matrix: np.ndarray, offset: Sequence[float] = (0.0, 0.0, 0.0)) -> Geometry:
-        """The mesh after x -> matrix x + offset. matrix: (3, 3), a rotation times a scale without mirroring."""
+        """The mesh after x -> matrix x + offset. matrix: (3, 3), rotation and scale, no mirroring."""
         normals = self.normals
         if normals is not None:
             normals = normals @ np.linalg.inv(matrix)
@@ -202,7 +203,7 @@ def box(
 
 
 def geodesic_sphere(frequency: int) -> tuple[np.ndarray, np.ndarray]:
-    """Unit directions (10 f^2 + 2, 3) and triangles of an icosahedron whose edges are cut into `frequency` parts."""
+    """Unit directions (10 f^2 + 2, 3) and triangles: an icosahedron, its edges cut into f = `frequency`."""
     phi = (1.0 + np.sqrt(5.0)) / 2.0
     v = np.array(
         [
@@ -246,11 +247,11 @@ def geodesic_sphere(frequency: int) -> tuple[np.ndarray, np.ndarray]:
     )
     f = frequency
     index = {(i, j): n for n, (i, j) in enumerate((i, j) for i in range(f + 1) for j in range(f + 1 - i))}
-    bary = np.array([[f - i - j, i, j] for (i, j) in index]) / f
+    bary = np.array([[f - i - j, i, j] for (i, j) in list(index)]) / f
     local = []
-    for i, j in index:
+    for (i, j), here in index.items():
         if i + j < f:
-            local.append([index[i, j], index[i + 1, j], index[i, j + 1]])
+            local.append([here, index[i + 1, j], index[i, j + 1]])
             if i + j < f - 1:
                 local.append([index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]])
     points = (bary[None] @ v[t]).reshape(-1, 3)
@@ -288,8 +289,8 @@ def cards(
 def two_sided(sheet: Geometry) -> Geometry:
     """The mesh with a turned copy of every face that keeps the custom normals.
 
-    Renderers turn the normal of a face that is seen from behind. For a leaf card, whose normals are those of the
-    plant as a whole, that would make its back black: with back-face culling the copy is seen instead.
+    Renderers turn the normal of a face that is seen from behind. For a leaf card, whose normals are those of
+    the plant as a whole, that would make its back black: with back-face culling the copy is seen instead.
     """
     starts = np.concatenate([[0], np.cumsum(sheet.sizes)[:-1]])
     face = np.repeat(np.arange(len(sheet.sizes)), sheet.sizes)

@@ -61,7 +61,7 @@ class LakeScene:
 
 
 class _Builder:
-    """Collects the objects of one lake. q: square root of the detail, shared between resolution and number."""
+    """Collects the objects of one lake. q: square root of the detail: resolution and number share it."""
 
     def __init__(self, collection: bpy.types.Collection, seed: int, detail: float, level: float) -> None:
         self.collection = collection
@@ -115,7 +115,7 @@ class _Builder:
         return float(self.terrain.height(np.array([x, y])))
 
     def shore(self, theta: float, offset: float) -> tuple[float, float]:
-        """The point in direction theta whose distance from the shoreline is `offset` (negative: in the lake)."""
+        """The point in direction theta at distance `offset` from the shoreline (negative: in the lake)."""
         e = np.array([math.cos(theta), math.sin(theta)])
         r = float(self.terrain.shore_radius(theta)) + offset
         for _ in range(4):
@@ -140,9 +140,10 @@ def build_lake(
 ) -> LakeScene:
     """Add the demonstration lake to the scene, in one collection; nothing of the user's is removed.
 
-    seed: the same seed gives the same lake. detail: 0.1 .. 4, the number of vertices is about 131,437 times it.
-    water_level: world z of the water; the whole lake moves with it. set_world: the lake's sky becomes the scene's
-    world, with exposure and view transform; set_camera: its camera the scene's. ValueError for a detail out of range.
+    seed: the same seed gives the same lake. detail: 0.1 .. 4, the number of vertices is about 131,437 times
+    it. water_level: world z of the water; the whole lake moves with it. set_world: the lake's sky becomes
+    the scene's world, with exposure and view transform; set_camera: its camera the scene's. ValueError for a
+    detail out of range.
     """
     if not 0.1 <= detail <= 4.0:
         raise ValueError(f"The level of detail must lie between 0.1 and 4, not {detail:g}.")
@@ -291,7 +292,7 @@ def _add_cabin(b: _Builder) -> None:
 def _add_poles(b: _Builder) -> None:
     rng = b.rng(1)
     paint = image_material(
-        "Lake Pole Paint", textures.make_image("Lake Pole Paint", textures.stripes(128, b.seed)), cull=True
+        "Lake Pole Paint", textures.make_image("Lake Pole Paint", textures.stripes(256, b.seed)), cull=True
     )
     shape = props.post(3.1, 0.055, b.sides(12, 8), np.random.default_rng([b.seed, 3]), (1.0, 1.0))
     mesh = b.mesh("Mooring Pole", shape, paint)
@@ -350,6 +351,10 @@ def _add_boulders(b: _Builder, material: bpy.types.Material) -> None:
             x, y = b.shore(theta, rng.uniform(-4.6, -2.8))
             size = rng.uniform(1.0, 1.3)
             place(x, y, size, -0.12)
+    # Erratic blocks in the meadow.
+    for _ in range(12):
+        theta, r = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(26.5, 42.0)
+        place(r * math.cos(theta), r * math.sin(theta), rng.uniform(0.35, 1.0), 0.15)
     # The islet's skirt of rock.
     ix, iy = b.terrain.islet
     for n in range(9):
@@ -395,7 +400,8 @@ def _add_logs(b: _Builder, material: bpy.types.Material) -> None:
         )
         for n, (length, radius) in enumerate(((4.6, 0.21), (3.2, 0.15)))
     ]
-    # (direction, distance from the shore, turn against the shore's normal); the last ones reach out of the water
+    # (direction, distance from the shore, turn against the shore's normal); the last ones reach out of the
+    # water
     for n, (degrees, offset, turn) in enumerate(
         (
             (-112.0, -3.3, 1.2),
@@ -473,7 +479,7 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
 
     green, light, dark = (0.105, 0.165, 0.032), (0.155, 0.205, 0.04), (0.062, 0.112, 0.045)
     oak = leaves("Oak Leaves", textures.leaf_atlas(512, b.seed, green))
-    birch = leaves("Birch Leaves", textures.leaf_atlas(512, b.seed + 1, light, leaves=95, leaf=0.17))
+    birch = leaves("Birch Leaves", textures.leaf_atlas(512, b.seed + 1, light, leaves=140, leaf=0.13))
     pine = leaves(
         "Pine Needles", textures.leaf_atlas(512, b.seed + 2, dark, leaves=170, leaf=0.24, slender=0.16)
     )
@@ -631,7 +637,7 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
             scale=(scale * rng.uniform(0.94, 1.06), scale * rng.uniform(0.94, 1.06), scale),
         )
         b.shade.append((x, y, 0.9 * crown, 0.45))
-    for _ in range(b.count(36)):
+    for _ in range(b.count(52)):
         r = 26.6 + 20.0 * rng.uniform() ** 1.8
         theta = rng.uniform(0.0, 2.0 * math.pi)
         x, y = r * math.cos(theta), r * math.sin(theta)

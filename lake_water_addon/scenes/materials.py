@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Diffuse materials in the three forms that every engine here understands: attribute, image, clipped image."""
+"""Diffuse materials in the three forms that every engine understands: attribute, image, clipped image."""
 
 from __future__ import annotations
 

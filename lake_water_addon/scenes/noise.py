@@ -16,7 +16,8 @@ class GradientNoise:
     """Perlin's gradient noise in two and three dimensions, made from one seed.
 
     Values lie roughly in -1..1 with mean 0. The permutation repeats after 256 units.
-    Source: K. Perlin, "Improving Noise", SIGGRAPH 2002 (quintic fade; random unit gradients instead of twelve fixed ones).
+    Source: K. Perlin, "Improving Noise", SIGGRAPH 2002 (quintic fade; random unit gradients instead of
+    twelve fixed ones).
     """
 
     def __init__(self, seed: int) -> None:

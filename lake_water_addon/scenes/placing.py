@@ -32,12 +32,13 @@ def place_obj(
 ) -> bpy.types.Object:
     """Import an OBJ file (Y up) and stand it in the water with half of its height under `water_level`.
 
-    location: (x, y) wanted, world space, m; where the bottom is too shallow there, the nearest spot that is deep
-    enough is taken, and where it is deeper, a stone plinth carries the object. height: of the object in m.
-    heading: turn about Z in radians. A file without a material image gets the image that stands beside it and
-    begins with the same word (spot_triangulated.obj, spot_texture.png).
+    location: (x, y) wanted, world space, m; where the bottom is too shallow there, the nearest spot that is
+    deep enough is taken, and where it is deeper, a stone plinth carries the object. height: of the object in
+    m. heading: turn about Z in radians. A file without a material image gets the image that stands beside it
+    and begins with the same word (spot_triangulated.obj, spot_texture.png).
 
-    ValueError, with nothing imported, for a file that cannot be read, has no vertices or faces, or is damaged.
+    ValueError, with nothing imported, for a file that cannot be read, has no vertices or faces, or is
+    damaged.
     """
     path = Path(path)
     if not (math.isfinite(height) and height > 0.0):
@@ -79,7 +80,7 @@ def place_obj(
 
 
 def _check(path: Path) -> tuple[bool, bool]:
-    """Whether the file has normals and texture coordinates; ValueError unless it holds vertices and sound faces."""
+    """Whether the file has (normals, texture coordinates); ValueError unless it holds vertices and faces."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:
@@ -87,7 +88,7 @@ def _check(path: Path) -> tuple[bool, bool]:
         raise ValueError(
             f"Cannot read the OBJ file {path} ({reason}): check the path and its permissions."
         ) from None
-    vertices = faces = 0
+    vertices = faces = highest = 0
     has_normals = has_uv = False
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split()
@@ -118,11 +119,7 @@ def _check(path: Path) -> tuple[bool, bool]:
                     f"{path}, line {number}: not a face ('{line.strip()[:40]}'). Export the file again."
                 )
             faces += 1
-            highest = max(indices)
-            if highest > vertices and f"\nv" not in text:
-                raise ValueError(
-                    f"{path}, line {number}: vertex {highest} does not exist. Export the file again."
-                )
+            highest = max(highest, *indices)
     if vertices == 0:
         raise ValueError(
             f"{path} holds no vertices: it is empty or no OBJ file. Choose a Wavefront OBJ mesh."
@@ -131,6 +128,8 @@ def _check(path: Path) -> tuple[bool, bool]:
         raise ValueError(
             f"{path} holds no faces, so there is nothing to draw: export it as a mesh with faces."
         )
+    if highest > vertices:
+        raise ValueError(f"{path}: a face uses vertex {highest} of {vertices}. Export the file again.")
     return has_normals, has_uv
 
 
@@ -225,7 +224,7 @@ def _image_beside(path: Path) -> Path | None:
 def _bottom(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, x: float, y: float, top: float
 ) -> float | None:
-    """World z of the highest surface under (x, y) below `top`, water surfaces excepted; None: there is nothing."""
+    """World z of the highest surface at (x, y) below `top`, water excepted; None: there is nothing."""
     origin = Vector((x, y, top))
     for _ in range(32):
         hit, point, _normal, _index, obj, _matrix = scene.ray_cast(
@@ -251,8 +250,8 @@ def _find_spot(
         if bottom is None or bottom <= feet + _CLEARANCE:
             return x, y, bottom
     raise ValueError(
-        f"Within {_SEARCH_RADIUS:g} m of ({location[0]:g}, {location[1]:g}) the water is nowhere deep enough for "
-        "half of the object: choose another place or a smaller height."
+        f"Within {_SEARCH_RADIUS:g} m of ({location[0]:g}, {location[1]:g}) the water is nowhere deep "
+        "enough for half of the object: choose another place or a smaller height."
     )
 
 

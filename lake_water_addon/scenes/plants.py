@@ -246,7 +246,7 @@ def shrub(seed: int, *, radius: float, cards_count: int, card: float) -> Geometr
 
 
 def grass_patch(seed: int, *, radius: float, tufts: int, height: float, kinds: tuple[float, ...]) -> Geometry:
-    """Upright tuft cards over a disc on z = 0. kinds: relative frequency of the four tiles of the grass atlas.
+    """Upright tuft cards over a disc on z = 0. kinds: frequencies of the grass atlas's four tiles.
 
     The normals point up, as the ground's do: a patch is as bright as the meadow that it stands on.
     """
@@ -291,7 +291,7 @@ def reed_clump(seed: int, *, stalks: int, radius: float, height: float) -> Geome
 
 
 def far_forest(points: np.ndarray, heights: np.ndarray, kinds: np.ndarray, bands: np.ndarray) -> Geometry:
-    """One quad a tree that faces the lake's centre. points: (n, 3) feet; kinds, bands: atlas column and row."""
+    """One quad a tree that faces the lake's centre. points: (n, 3) feet; kinds, bands: atlas column, row."""
     n = len(points)
     outward = _unit(points[:, :2])
     half = 0.5 * heights

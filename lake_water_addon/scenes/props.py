@@ -16,7 +16,7 @@ LICHEN = np.array([0.40, 0.38, 0.24])
 
 
 def boulder(seed: int, frequency: int, *, moss: float = 0.5, base: np.ndarray = GREY) -> Geometry:
-    """A weathered boulder of about unit radius: a sphere cut by random planes, roughened, with moss and lichen."""
+    """A weathered boulder of about unit radius: a sphere cut by random planes, with moss and lichen."""
     rng = np.random.default_rng([seed, 31])
     noise = GradientNoise(seed + 9)
     directions, triangles = geodesic_sphere(frequency)
@@ -293,7 +293,7 @@ def terrace(
 
 
 def cabin(length: float = 5.4, depth: float = 4.0, wall: float = 2.3, ridge: float = 4.1) -> Geometry:
-    """A boathouse on z = 0, ridge along X, door in the gable at +X: closed blocks with uv into the cabin atlas."""
+    """A boathouse on z = 0, ridge along X, door in the gable at +X: closed, uv into the cabin atlas."""
     hx, hy = length / 2.0, depth / 2.0
     foot = -0.8
     p = np.array(

@@ -27,7 +27,7 @@ _XYZ_TO_RGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [
 
 
 def equirectangular_directions(width: int, height: int) -> np.ndarray:
-    """(height, width, 3) unit world directions of the pixels of a Blender environment image, row 0 at the bottom."""
+    """(height, width, 3) unit world directions of an environment image's pixels, row 0 at the bottom."""
     u = (np.arange(width) + 0.5) / width
     v = (np.arange(height) + 0.5) / height
     azimuth = -(u - 0.5) * 2.0 * np.pi
@@ -51,7 +51,8 @@ def _perez(cos_theta: np.ndarray, gamma: np.ndarray, coefficients: np.ndarray) -
 def clear_sky(directions: np.ndarray, sun: np.ndarray, turbidity: float) -> np.ndarray:
     """Radiance (..., 3), linear Rec.709, of the clear sky, scaled so that its mean luminance is 1.
 
-    directions: (..., 3) unit; those below the horizon get the horizon's value. sun: (3,) unit, towards the sun.
+    directions: (..., 3) unit; those below the horizon get the horizon's value. sun: (3,) unit, towards the
+    sun.
     """
     cos_theta = np.maximum(directions[..., 2], 0.03)
     gamma = np.arccos(np.clip(directions @ sun, -1.0, 1.0))
@@ -84,9 +85,13 @@ def sky_image(
 ) -> np.ndarray:
     """The environment as (width/2, width, 3) scene-linear radiance, row 0 at the bottom (straight down).
 
-    sun: (3,) unit, towards the sun. mean: mean luminance of the clear part, W/(m^2 sr). cover: 0 cloudless .. 1.
+    sun: (3,) unit, towards the sun. mean: mean luminance of the clear part, W/(m^2 sr). cover: 0 cloudless
+    .. 1.
     """
-    d = equirectangular_directions(width, width // 2)
+    full = equirectangular_directions(width, width // 2)
+    # The sky is computed a little way below the horizon too, where it fades into the ground.
+    rows = int(0.45 * len(full))
+    d = full[rows:]
     sun = np.asarray(sun, dtype=np.float64)
     sky = mean * clear_sky(d, sun, turbidity)
     # Preetham's aureole is far brighter than an 8-bit picture can show: the lamp carries that energy.
@@ -96,7 +101,7 @@ def sky_image(
     sky *= (np.where(luminance > peak, soft, luminance) / np.maximum(luminance, 1e-9))[..., None]
     up = np.maximum(d[..., 2], 0.0)
     haze = mean * np.array([1.06, 1.12, 1.20])
-    sky += (0.55 * np.exp(-up / 0.055))[..., None] * (haze - sky)
+    sky += (0.45 * np.exp(-up / 0.05))[..., None] * (haze - sky)
     # Two layers of cloud on planes above: cumulus, and streaks of cirrus.
     noise = GradientNoise(seed + 77)
     toward = np.clip(d @ sun, 0.0, 1.0)
@@ -121,14 +126,17 @@ def sky_image(
     cirrus = smoothstep(0.12, 0.9, streak) * smoothstep(0.08, 0.35, up) * 0.4
     sky += (cirrus * (1.0 - cloud))[..., None] * (mean * 1.7 - sky)
     # Under the horizon: the meadow's reflected light, which only bounces can see.
-    ground = mean * np.array([0.22, 0.24, 0.14])
+    ground = mean * np.array([0.33, 0.35, 0.22])
     below = smoothstep(0.0, -0.12, d[..., 2])
     sky += below[..., None] * (ground - sky)
-    return sky.astype(np.float32)
+    image = np.empty(full.shape, dtype=np.float32)
+    image[:rows] = ground
+    image[rows:] = sky
+    return image
 
 
 def make_world(name: str, pixels: np.ndarray) -> bpy.types.World:
-    """A world that shows scene-linear equirectangular (h, w, 3) pixels at strength 1, packed as 32-bit float."""
+    """A world that shows scene-linear equirectangular (h, w, 3) pixels, packed as 32-bit float."""
     height, width, _ = pixels.shape
     image = bpy.data.images.new(f"{name} Environment", width, height, alpha=False, float_buffer=True)
     image.colorspace_settings.name = "Linear Rec.709"

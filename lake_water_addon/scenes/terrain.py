@@ -16,6 +16,7 @@ from .noise import GradientNoise, smoothstep, tile_cells, tile_noise
 PAINTED_HALF_SIZE = 36.0  # m, the square around the centre that the painted ground image covers
 PAINTED_RADIUS = 35.0  # m, faces inside use that image, faces outside the one of the hills
 OUTER_RADIUS = 900.0  # m
+_BEACH_RADIUS = 21.5  # m, the lake and its beach lie inside
 _HILLS_RADIUS = 70.0  # m, where the land begins to rise
 
 # Depth of the basin's profile over the distance from the shore: a wide shelf, then the drop.
@@ -117,7 +118,7 @@ class LakeTerrain:
         self.terrace = Terrace((r * outward[0], r * outward[1]), (-outward[0], -outward[1]))
 
     def shore_radius(self, theta: np.ndarray | float) -> float:
-        """Distance in m from the centre to the shoreline in direction theta, without the small irregularities."""
+        """Metres from the centre to the shoreline in direction theta, without its small irregularities."""
         r = 17.0
         for n, a, phase in self._harmonics:
             r = r + a * np.cos(n * theta + phase)
@@ -228,7 +229,7 @@ def _mix(a: np.ndarray, b: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def terrain_mesh(terrain: LakeTerrain, detail: float) -> Geometry:
-    """A polar mesh, finest along the shore. Slot 0: inner part (uv of paint_ground); slot 1: the rest (paint_hills)."""
+    """A polar mesh, finest along the shore. Slot 0: inside, uv of paint_ground; slot 1: paint_hills."""
     q = float(np.sqrt(detail))
     columns = max(int(round(160 * q)), 32)
     rings = [0.25]
@@ -274,7 +275,7 @@ def terrain_mesh(terrain: LakeTerrain, detail: float) -> Geometry:
 
 
 def paint_hills(terrain: LakeTerrain, size: int) -> np.ndarray:
-    """The land outside PAINTED_RADIUS as a (size/4, size, 3) scene-linear image: direction by log distance."""
+    """The land outside PAINTED_RADIUS, a (size/4, size, 3) scene-linear image: log distance by direction."""
     rng = np.random.default_rng([terrain.seed, 4])
     rows, columns = size // 4, size
     coarse = 2
@@ -333,48 +334,50 @@ def paint_ground(
     big_shore = _enlarge(shore.astype(np.float32)[..., None], size)[..., 0]
 
     tile = max(size // 4, 64)
+    blades = tile_noise(tile, rng, exponent=0.7, low=14, high=tile / 2.1)
+    grain = tile_noise(tile, rng, exponent=0.6, low=8, high=tile / 3)
     reps = -(-size // tile)
+    grassy = smoothstep(0.16, 0.3, big_height)
+    fine = np.tile(blades, (reps, reps))[:size, :size] * (0.24 * grassy)
+    fine += np.tile(grain, (reps, reps))[:size, :size] * (0.06 - 0.06 * grassy)
+    image *= (1.0 + fine)[..., None]
+    # The rest lies in the lake and on its beach: only that window of the image is worked on.
+    lo = max(int(size * (0.5 - 0.5 * _BEACH_RADIUS / half)), 0)
+    window = (slice(lo, size - lo), slice(lo, size - lo))
+    _paint_lake_bed(image[window], big_height[window], big_shore[window], tile, rng)
+    return np.clip(image, 0.005, 0.95)
+
+
+def _paint_lake_bed(
+    image: np.ndarray, height: np.ndarray, shore: np.ndarray, tile: int, rng: np.random.Generator
+) -> None:
+    """Pebbles, sand ripples and weed into `image`, in place. tile: period of the patterns in pixels."""
+    reps = -(-len(image) // tile)
 
     def spread(t: np.ndarray) -> np.ndarray:
-        return np.tile(t, (reps, reps))[:size, :size]
+        return np.tile(t, (reps, reps))[: len(image), : len(image)]
 
-    grain = spread(tile_noise(tile, rng, exponent=0.6, low=8, high=tile / 3))
-    blades = spread(tile_noise(tile, rng, exponent=0.9, low=14, high=tile / 2.5))
-    cell, second, owner = tile_cells(tile, 52, rng)  # pebbles of about a quarter of a metre
-    pebble = np.clip((second - cell) * 2.6, 0.0, 1.0)
-    small, small_second, small_owner = tile_cells(tile, 120, rng)
-    small_pebble = np.clip((small_second - small) * 2.2, 0.0, 1.0)
-
-    def on(low: float, high: float, x: np.ndarray) -> np.ndarray:
-        return smoothstep(low, high, x).astype(np.float32)
-
-    grassy = on(0.16, 0.3, big_height)
-    image *= (1.0 + grassy * 0.22 * blades + (1.0 - grassy) * 0.06 * grain)[..., None]
-    # Pebbles on the beach and in the shallows, in drifts.
     drift = spread(tile_noise(tile, rng, exponent=1.6, low=1, high=12))
-    band = on(-1.5, -0.35, big_height) * on(0.32, 0.16, big_height)
-    for shape, ids, amount in (
-        (spread(pebble), spread(owner), 0.2),
-        (spread(small_pebble), spread(small_owner), 0.9),
-    ):
-        chosen = np.where((ids * 7.0) % 1.0 < amount, 1.0, 0.0).astype(np.float32)
-        mask = chosen * band * on(-0.2, 0.7, drift) * on(0.12, 0.35, shape)
-        wet = 0.55 + 0.45 * on(-0.02, 0.12, big_height)
-        under = np.where(big_height < -0.05, 0.85, wet)
-        grey = (0.14 + 0.26 * ids) * (0.62 + 0.38 * shape) * under
-        tint = np.stack([grey * (1.02 + 0.10 * ids), grey, grey * (0.92 - 0.14 * ids)], axis=-1)
-        image += mask[..., None] * (tint - image)
-    # Sand ripples in the shallows run along the shore: they bend visibly under the waves.
-    ripple = np.sin(
-        big_shore * (2.0 * np.pi / 0.34) + 1.6 * spread(tile_noise(tile, rng, exponent=1.8, low=1, high=10))
-    )
-    where = on(-1.9, -0.5, big_height) * on(-0.12, -0.3, big_height) * on(0.5, -0.4, drift)
+    # Pebbles of a quarter and of an eighth of a metre on the beach and in the shallows, in drifts.
+    band = smoothstep(-1.5, -0.35, height) * smoothstep(0.32, 0.16, height) * smoothstep(-0.2, 0.7, drift)
+    wet = np.where(height < -0.05, 0.85, 0.55 + 0.45 * smoothstep(-0.02, 0.12, height)).astype(np.float32)
+    for cells, sharpness, amount in ((60, 2.6, 0.2), (144, 2.2, 0.9)):
+        first, second, owner = tile_cells(tile, cells, rng)
+        shape = np.clip((second - first) * sharpness, 0.0, 1.0)
+        mask = spread(np.where((owner * 7.0) % 1.0 < amount, smoothstep(0.12, 0.35, shape), 0.0)) * band
+        grey = (0.14 + 0.26 * owner) * (0.62 + 0.38 * shape)
+        tint = np.stack([grey * (1.02 + 0.10 * owner), grey, grey * (0.92 - 0.14 * owner)], axis=-1)
+        for channel in range(3):
+            image[..., channel] += mask * (spread(tint[..., channel]) * wet - image[..., channel])
+    # Sand ripples run along the shore: they bend visibly under the waves.
+    swing = spread(tile_noise(tile, rng, exponent=1.8, low=1, high=10))
+    ripple = np.sin(shore * np.float32(2.0 * np.pi / 0.34) + 1.6 * swing)
+    where = smoothstep(-1.9, -0.5, height) * smoothstep(-0.12, -0.3, height) * smoothstep(0.5, -0.4, drift)
     image *= (1.0 + 0.16 * where * ripple)[..., None]
-    # Dark weed on the bed, in patches of a metre.
-    weed = spread(tile_noise(tile, rng, exponent=1.3, low=5, high=60))
-    weeds = on(1.0, 1.9, weed) * on(-0.3, -0.8, big_height)
-    image += (0.75 * weeds)[..., None] * (np.array([0.045, 0.07, 0.02], dtype=np.float32) - image)
-    return np.clip(image, 0.005, 0.95)
+    # Dark weed, in patches of a metre.
+    weeds = 0.75 * smoothstep(1.0, 1.9, spread(tile_noise(tile, rng, exponent=1.3, low=5, high=60)))
+    weeds = weeds * smoothstep(-0.3, -0.8, height)
+    image += weeds[..., None] * (np.array([0.045, 0.07, 0.02], dtype=np.float32) - image)
 
 
 def _enlarge(image: np.ndarray, size: int) -> np.ndarray:

@@ -37,7 +37,7 @@ def make_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
 
 
 def _canvas(size: int, height: int, fill: Sequence[float]) -> np.ndarray:
-    """Transparent canvas. The colour under alpha 0 is the plant's own, so filtering brings in no dark fringe."""
+    """Transparent canvas. Under alpha 0 lies the plant's own colour, so filtering adds no dark fringe."""
     canvas = np.zeros((height, size, 4), dtype=np.float32)
     canvas[..., :3] = fill
     return canvas
@@ -54,23 +54,25 @@ def _stamp_leaf(
     y0, y1 = max(int(cy - reach), 0), min(int(cy + reach) + 2, h)
     if x0 >= x1 or y0 >= y1:
         return
-    py, px = np.mgrid[y0:y1, x0:x1].astype(np.float32) + 0.5
-    dx, dy = px - x, py - y
-    u = (dx * np.cos(angle) + dy * np.sin(angle)) / length
-    v = (-dx * np.sin(angle) + dy * np.cos(angle)) / (0.5 * width)
-    profile = np.sqrt(np.clip(u, 0.0, 1.0)) * (1.0 - np.clip(u, 0.0, 1.0)) * 2.6
-    inside = (u > 0.0) & (u < 1.0) & (np.abs(v) < profile)
-    rib = 1.0 + 0.25 * np.exp(-((v / 0.18) ** 2)) - 0.22 * np.abs(v)
-    half = np.where(v > 0.0, 1.0, 0.86)  # one half of the blade catches less light
+    dx = (np.arange(x0, x1, dtype=np.float32) + (0.5 - x))[None, :]
+    dy = (np.arange(y0, y1, dtype=np.float32) + (0.5 - y))[:, None]
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    u = (dx * c + dy * s) / length
+    v = (dy * c - dx * s) / (0.5 * width)
+    along = np.clip(u, 0.0, 1.0)
+    side = np.abs(v)
+    inside = (u > 0.0) & (u < 1.0) & (side < np.sqrt(along) * (1.0 - along) * 2.6)
+    # A light rib; one half of the blade catches less light.
+    light = (1.22 - 0.22 * side - 0.35 * np.minimum(side, 0.4)) * np.where(v > 0.0, 1.0, 0.86)
     view = canvas[y0:y1, x0:x1]
-    view[inside, :3] = (color[None, None] * (rib * half)[..., None])[inside]
+    view[inside, :3] = light[inside][:, None] * color
     view[inside, 3] = 1.0
 
 
 def leaf_tile(
     size: int, rng: np.random.Generator, color: np.ndarray, *, leaves: int, leaf: float, slender: float = 0.5
 ) -> np.ndarray:
-    """A loose round cluster of leaves. leaf: length of a leaf as a part of the tile; slender: width by length."""
+    """A loose round cluster of leaves. leaf: length of a leaf, part of the tile; slender: width by length."""
     canvas = _canvas(size, size, color * 0.7)
     for n in range(leaves):
         depth = n / leaves  # the last ones lie on top and are brighter
@@ -97,8 +99,8 @@ def leaf_atlas(
     seed: int,
     color: Sequence[float],
     *,
-    leaves: int = 80,
-    leaf: float = 0.22,
+    leaves: int = 120,
+    leaf: float = 0.17,
     slender: float = 0.5,
 ) -> np.ndarray:
     """Four leaf clusters in a 2x2 atlas: bright ones in the upper row, shaded ones in the lower row."""
@@ -248,7 +250,7 @@ def _dots(
 
 
 def grass_atlas(size: int, seed: int) -> np.ndarray:
-    """Four tufts side by side in a 2x2 atlas: meadow, short turf (lower row), dry with seed heads, with flowers."""
+    """Four tufts in a 2x2 atlas: meadow, short turf (lower row), dry with seed heads, with flowers."""
     rng = np.random.default_rng([seed, 13])
     tile = size // 2
     green = np.array([[0.15, 0.24, 0.045], [0.11, 0.19, 0.035], [0.20, 0.27, 0.06], [0.085, 0.15, 0.03]])
@@ -363,7 +365,7 @@ def wood(size: int, seed: int, color: Sequence[float] = (0.30, 0.245, 0.185)) ->
 
 
 def mosaic(size: int, seed: int) -> np.ndarray:
-    """Tiles of a bathing terrace: 8x8, blue and white in a chequer with terracotta rosettes; grout between."""
+    """Floor of a bathing terrace: 8x8 tiles, a blue and white chequer with terracotta rosettes."""
     rng = np.random.default_rng([seed, 17])
     n = 8
     axis = (np.arange(size) + 0.5) / size * n
@@ -404,13 +406,17 @@ def masonry(size: int, seed: int) -> np.ndarray:
 
 
 def stripes(size: int, seed: int) -> np.ndarray:
-    """Red and white bands along v, weathered, for mooring poles: bends at the surface are plain to see."""
+    """Red and white bands along v, weathered, for mooring poles: their bend at the surface is plain to see.
+
+    As narrow as the pole is slender, (size, size / 16): a square image would be blurred along the pole.
+    """
     rng = np.random.default_rng([seed, 19])
+    width = max(size // 16, 4)
     v = (np.arange(size) + 0.5) / size
     band = (np.floor(v * 8) % 2 == 0)[:, None, None]
     red, white = np.array([0.50, 0.045, 0.03]), np.array([0.70, 0.67, 0.60])
-    image = np.where(band, red, white) * np.ones((size, size, 1))
-    noise = tile_noise(size, rng, exponent=1.1, low=1, high=size / 3)
+    image = np.where(band, red, white) * np.ones((size, width, 1))
+    noise = tile_noise(size, rng, exponent=1.1, low=1, high=size / 3)[:, :width]
     return np.clip(image * (0.93 + 0.09 * noise)[..., None], 0.01, 0.9).astype(np.float32)
 
 
@@ -434,8 +440,7 @@ def boat_paint(size: int, seed: int) -> np.ndarray:
 
 
 def cabin_atlas(size: int, seed: int) -> np.ndarray:
-    """Boathouse: lower left board walls, lower right the gable with the door, upper left the eaves' wall with a
-    window, upper right the roof's shingles. Each tile is a quarter."""
+    """Boathouse, a 2x2 atlas: boards, the door's gable (below), a wall with windows, shingles."""
     rng = np.random.default_rng([seed, 21])
     tile = size // 2
     y, x = (np.mgrid[0:tile, 0:tile] + 0.5) / tile

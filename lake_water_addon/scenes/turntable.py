@@ -23,13 +23,13 @@ def animate_turntable(
     look_height: float = 0.0,
     start_angle: float = -math.pi / 2.0,
 ) -> bpy.types.Object:
-    """Let `camera` orbit `center` once, counter-clockwise from above, over `frames` frames; returns the pivot.
+    """Let `camera` orbit `center` once in `frames` frames, counter-clockwise from above; returns the pivot.
 
-    center: (x, y, z) in m, world space; height: of the camera above center's z; look_height: above center's z of
-    the point that the camera looks at. start_angle: direction of the first position from the center, radians from
-    +X. The scene's range becomes frame_start .. frame_start + frames - 1: the frame after the last would be the
-    first again. The camera is taken over: its parent, its own animation and its constraints are given up.
-    ValueError for a radius or a number of frames that is not positive.
+    center: (x, y, z) in m, world space; height: of the camera above center's z; look_height: above center's
+    z of the point that the camera looks at. start_angle: direction of the first position from the center,
+    radians from +X. The scene's range becomes frame_start .. frame_start + frames - 1: the frame after the
+    last would be the first again. The camera is taken over: its parent, its own animation and its
+    constraints are given up. ValueError for a radius or a number of frames that is not positive.
     """
     if frames < 1:
         raise ValueError(f"A turntable needs at least one frame, not {frames}.")
