@@ -128,6 +128,21 @@ def test_water_of_a_mesh_is_that_of_the_grid(renderer, scale):
     assert error.mean() < 1e-3 and np.mean(error > 0.02) < 0.01, (error.mean(), np.mean(error > 0.02))
 
 
+def test_waves_modelled_as_a_mesh_look_like_the_waves(renderer):
+    """A swell in the mesh's own vertices and normals, against the same swell as a sine wave on the grid."""
+    swell = (scenes.SineWave(0.15, 4.0, 0.9, 0.3),)
+    grid = scenes.snapshot((), (), (), (scenes.water(half_size=20.0, resolution=257, waves=swell),))
+    packed = waves.pack(swell, grid.time, 5.0)
+    sheet = scenes.grid_mesh(
+        "sheet", 257, 20.0, lambda x, y: waves.height(packed, np.stack([x, y], -1)).reshape(x.shape)
+    )
+    still = replace(scenes.water(), grid=None, mesh="sheet")
+    mesh = scenes.snapshot((sheet,), (), (), (still,))
+    camera = scenes.look_at((12, -14, 3), (3, 1, 0))
+    error = np.abs(draw(renderer, mesh, camera) - draw(renderer, grid, camera)).max(axis=-1)
+    assert error.mean() < 2e-3 and np.mean(error > 0.03) < 0.01, (error.mean(), np.mean(error > 0.03))
+
+
 def baked(mesh, matrix):
     """The mesh with the matrix already applied: positions, and normals by the inverse transpose."""
     normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])
