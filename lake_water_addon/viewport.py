@@ -2,7 +2,8 @@
 """Draw handler: the water over whatever Blender's own engines show in a 3D viewport.
 
 The passes into textures are the engine's; the water itself is drawn into the viewport, against
-the depth of what Blender drew, in display colours (see `display.py`).
+the depth of what Blender drew (or of the same scene drawn again, see `_leaves_depth`), in display
+colours (see `display.py`).
 """
 
 from __future__ import annotations
@@ -56,6 +57,19 @@ def _draws_in(context: bpy.types.Context) -> bool:
     return engine != LakeWaterRenderEngine.bl_idname and bool(handlers.waters(scene))
 
 
+def _leaves_depth(context: bpy.types.Context) -> bool:
+    """Whether the viewport's depth is that of what it shows, with no water in it.
+
+    Workbench always leaves that. EEVEE leaves zeros and Cycles the clear value where no overlay needs it. In
+    Rendered mode EEVEE's depth has the plane of the water object in it, which hides the waves' troughs, and
+    with Cycles there are whole quads where it shows alpha-clipped leaves.
+    """
+    space = context.space_data
+    if space.shading.type == "MATERIAL":
+        return space.overlay.show_overlays
+    return space.shading.type != "RENDERED" or context.engine == "BLENDER_WORKBENCH"
+
+
 def _draw_water() -> None:
     """POST_VIEW: Blender's picture and its depth are in the bound framebuffer."""
     context = bpy.context
@@ -82,8 +96,11 @@ def _draw(context: bpy.types.Context) -> None:
     timer = PassTimer(enabled=scene.lake_water.show_statistics)
     snapshot = host.view_snapshot(context.evaluated_depsgraph_get(), context.space_data)
     plan = host.plan(snapshot, camera_from_view(context.region_data), scene)
+    framebuffer = gpu.state.active_framebuffer_get()
     host.renderer.draw_textures(plan, timer)
-    host.renderer.draw_water(plan, timer, gpu.state.active_framebuffer_get(), table)
+    if not _leaves_depth(context):
+        host.renderer.draw_depth(plan, timer, framebuffer)
+    host.renderer.draw_water(plan, timer, framebuffer, table)
     host.finish(timer, time.perf_counter() - start)
 
 

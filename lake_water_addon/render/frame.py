@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import gpu
 from gpu.types import GPUFrameBuffer, GPUTexture, GPUUniformBuf
 
 from ..core.plan import FramePlan
@@ -81,6 +82,18 @@ class FrameRenderer:
             view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
             with timer.measure("reflection", target.framebuffer):
                 textures.draw_reflection(self._geometry, body.reflection, target, lights, view, water)
+
+    def draw_depth(self, plan: FramePlan, timer: PassTimer, framebuffer: GPUFrameBuffer) -> None:
+        """The depth of the dry scene alone into the bound framebuffer, in place of what it holds."""
+        lights = self.upload(plan)
+        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
+        with timer.measure("depth", framebuffer):
+            framebuffer.clear(depth=1.0)
+            gpu.state.color_mask_set(False, False, False, False)
+            try:
+                self._geometry.draw_scene(lights, view)
+            finally:
+                gpu.state.color_mask_set(True, True, True, True)
 
     def draw_water(
         self,
