@@ -20,7 +20,7 @@ from .host import FrameReport, Host
 from .registration import register_classes, unregister_classes
 from .render.frame import PassTimer
 from .render.passes.accumulate import mean_target, picture_target
-from .render.targets import Target
+from .render.targets import Target, TargetError
 
 
 class _State:
@@ -86,8 +86,9 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
             self._render_final(host, depsgraph)
             report = host.report
         except Exception as error:
-            traceback.print_exc()
-            report.error = f"{type(error).__name__}: {error}"
+            if not isinstance(error, ValueError | TargetError):  # those say what a person has to change
+                traceback.print_exc()
+            report.error = str(error) or type(error).__name__
             _state.final = None
             self.error_set(f"Lake Water could not render: {error}")
         _state.last_report = report

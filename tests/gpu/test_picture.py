@@ -549,3 +549,15 @@ def test_planning_says_why_nothing_is_drawn(renderer):
     target = renderer.targets.get(("test", SIZE), SIZE, ("RGBA32F",))
     renderer.draw_picture(plan, target, timer)
     assert "refraction" not in timer.seconds and "reflection" not in timer.seconds
+
+
+@pytest.mark.parametrize("c", [0.0, 1.0, -2.0, 30.0])
+def test_reflection_is_drawn_wherever_it_is_looked_up(renderer, c):
+    """Leaving out the rest of the texture must not change one bit of the picture."""
+    scene = scenes.pond(waves=scenes.STEEP_WAVES, c=c)
+    for camera in (VIEW, scenes.look_at((9, 2, 1.5), (0, 0, 0)), scenes.look_at((0, 0, 9), (0.1, 0, 0))):
+        plan = planned(scene, camera)
+        part = draw_plan(renderer, plan)
+        body = plan.bodies[0]
+        whole = replace(body, reflection=replace(body.reflection, region=(0.0, 0.0, 1.0, 1.0)))
+        np.testing.assert_array_equal(part, draw_plan(renderer, replace(plan, bodies=(whole,))))
