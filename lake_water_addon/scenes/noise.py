@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
+_BLOCK = 8192  # points
+
 
 def smoothstep(low: float, high: float, x: np.ndarray) -> np.ndarray:
     """Hermite step from 0 at `low` to 1 at `high`; `low > high` gives the falling step."""
@@ -22,7 +24,7 @@ class GradientNoise:
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng([seed, 0x9E37])
-        self._permutation = rng.permutation(256).astype(np.int64)
+        self._permutation = rng.permutation(256).astype(np.int32)
         angle = rng.uniform(0.0, 2.0 * np.pi, 256)
         solid = rng.normal(size=(3, 256))
         self._gradients = {
@@ -33,13 +35,21 @@ class GradientNoise:
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Noise at (..., 2) or (..., 3) points: (...) float64."""
         points = np.asarray(points, dtype=np.float64)
+        flat = points.reshape(-1, points.shape[-1])
+        if len(flat) <= _BLOCK:
+            return self._evaluate(points)
+        # Block by block the intermediate arrays stay in the processor's cache.
+        blocks = [self._evaluate(flat[i : i + _BLOCK]) for i in range(0, len(flat), _BLOCK)]
+        return np.concatenate(blocks).reshape(points.shape[:-1])
+
+    def _evaluate(self, points: np.ndarray) -> np.ndarray:
         dimensions = points.shape[-1]
         cells, offsets, fades = [], [], []
         for axis in range(dimensions):
             x = points[..., axis]
             floor = np.floor(x)
             f = x - floor
-            cells.append(floor.astype(np.int64))
+            cells.append(floor.astype(np.int32))
             offsets.append(f)
             fades.append(f * f * f * (f * (f * 6.0 - 15.0) + 10.0))
         p, table = self._permutation, self._gradients[dimensions]
