@@ -271,8 +271,8 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     intersection_steps: IntProperty(
         name="Intersection Steps",
         description="Steps of the search for the point where a refracted ray meets the bottom: the main dial "
-        "between speed and accuracy. 1 shifts steep things sideways, 3 is the thesis's choice, "
-        "more helps where the bottom is uneven",
+        "between speed and accuracy. 1 looks straight through the surface, 2 bends the sight towards a level "
+        "bottom, 3 is the thesis's choice, more helps where the bottom is uneven",
         default=3,
         min=1,
         max=16,

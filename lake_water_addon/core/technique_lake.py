@@ -17,6 +17,9 @@ from .plan import BodyPlan
 
 Lookup = Callable[[np.ndarray], np.ndarray]
 
+LEAST_KNOWN = 0.25
+"""Alpha of a refraction lookup below which another place is tried."""
+
 REACHES = (1.0, 0.5, 0.25, 0.0)
 """Parts of the reflection offset c that are tried until a lookup finds a colour."""
 
@@ -64,9 +67,15 @@ def refracted_radiance(
     u = _transform(view, surface)
     found = intersection.intersect(u, direction @ view[:3, :3].T, textures.bottom_depth, projection, steps)
     uv = cameras.to_texture(projection, found.hit)
-    color, known = _color_and_known(textures.refraction_color(uv), uv, textures.fade)
+    texel = textures.refraction_color(uv)
+    unknown = texel[:, 3:] < LEAST_KNOWN  # there, look straight through the surface
+    uv = np.where(unknown, cameras.to_texture(projection, u), uv)
+    texel = np.where(unknown, textures.refraction_color(uv), texel)
+    straight = intersection.bottom_through(u, -textures.bottom_depth(uv), cameras.is_orthographic(projection))
+    bottom = np.where(unknown, straight, found.bottom)
+    color, known = _color_and_known(texel, uv, textures.fade)
     settings = body.body.settings
-    a = optics.attenuation(settings.k, np.linalg.norm(found.bottom - u, axis=1))
+    a = optics.attenuation(settings.k, np.linalg.norm(bottom - u, axis=1))
     return optics.through_water(color, np.array(settings.water_color), known * a[:, None])
 
 

@@ -250,7 +250,8 @@ class SceneExtractor:
 
     def _walk(self, view: View, depsgraph: bpy.types.Depsgraph, is_visible: Predicate | None) -> None:
         """Look at everything. What equals the last snapshot's is taken from there."""
-        walk = Walk(depsgraph, is_visible, view.known, view.changed, self._store)
+        elsewhere = [other.known for other in self._views.values() if other is not view]
+        walk = Walk(depsgraph, is_visible, view.known, view.changed, self._store, elsewhere)
         walk.run()
         self.full_walks += 1
         self.meshes_read += walk.meshes_read

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Hashable
+from collections.abc import Callable, Container, Hashable, Sequence
 from dataclasses import dataclass, field
 
 import bpy
@@ -85,8 +85,11 @@ class Walk:
         before: Known,
         changed: Container[int],
         store: MeshStore,
+        elsewhere: Sequence[Known] = (),
     ) -> None:
+        """elsewhere: what is known of other depsgraphs; draws equal to theirs keep the version."""
         self._before = before
+        self._elsewhere = elsewhere
         self._store = store
         self._depsgraph = depsgraph
         self._is_visible = is_visible
@@ -389,9 +392,11 @@ class Walk:
                     group.extend(chosen)
         for key, rows in groups.items():
             stacked = matrices[rows]
-            old = self._before.draws.get(key)
-            if old is not None and np.array_equal(old.matrices, stacked):
-                self.draws[key] = old
+            for known in (self._before, *self._elsewhere):
+                old = known.draws.get(key)
+                if old is not None and np.array_equal(old.matrices, stacked):
+                    self.draws[key] = old
+                    break
             else:
                 self.draws[key] = Draw(
                     mesh=key[0], part=key[1], material=key[2], matrices=stacked, version=next_version()

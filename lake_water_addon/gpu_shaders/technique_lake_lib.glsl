@@ -10,6 +10,9 @@ float bottom_depth(vec2 uv)
 
 #include "intersection_lib.glsl"
 
+// Alpha of a lookup below which another place is tried.
+#define LEAST_KNOWN 0.25
+
 // 1 inside the texture, falling to 0 over a narrow band at its border.
 float inside_texture(vec2 uv)
 {
@@ -24,6 +27,13 @@ vec3 refracted_radiance(vec3 surface, vec3 direction)
   Intersection found = intersect(u, r, water.refraction_projection, int(water.fresnel.y));
   vec2 uv = to_texture(water.refraction_projection, found.hit);
   vec4 texel = texture(refraction_color, uv);
+  if (texel.a < LEAST_KNOWN) {
+    // Nothing was drawn there, such as the dry part of a post: look straight through the surface.
+    uv = to_texture(water.refraction_projection, u);
+    texel = texture(refraction_color, uv);
+    bool orthographic = is_orthographic(water.refraction_projection);
+    found.bottom = bottom_through(u, -bottom_depth(uv), orthographic);
+  }
   // Premultiplied: the division takes texels with no colour out of the filter's mean.
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
