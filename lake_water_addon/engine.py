@@ -29,6 +29,7 @@ class _State:
     def __init__(self) -> None:
         self.final: Host | None = None
         self.last_report: FrameReport | None = None
+        self.viewport_statistics: list[str] = []
 
 
 _state: _State | None = None
@@ -39,6 +40,11 @@ def last_render_report() -> dict | None:
     if _state is None or _state.last_report is None:
         return None
     return _state.last_report.as_dict()
+
+
+def viewport_statistics() -> list[str]:
+    """Lines of text about what the Rendered viewport drew last; read them while its region is drawn."""
+    return list(_state.viewport_statistics) if _state is not None else []
 
 
 def release_final_host() -> None:
@@ -180,7 +186,8 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         if state != self._drawn_state:
             self._drawn_state, self._samples_done = state, 0
             mean.colors[0].clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
-        if self._samples_done < samples:
+        drawn = self._samples_done < samples
+        if drawn:
             plan = host.plan(snapshot, camera, scene, jitter=pixel_jitter(self._samples_done, samples, *size))
             renderer.draw_picture(plan, picture, timer, transparent=scene.render.film_transparent)
             renderer.mean.add(picture, mean, 1.0)
@@ -189,7 +196,9 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
                 self.tag_redraw()
         # Blender's viewport is scene-linear here and goes through its own colour management afterwards.
         renderer.mean.show(mean, 1.0 / self._samples_done)
-        host.finish(timer, time.perf_counter() - start)
+        if drawn:  # else it is only shown again, and that took no time worth telling
+            host.finish(timer, time.perf_counter() - start)
+        _state.viewport_statistics = host.statistics()
 
 
 @bpy.app.handlers.persistent

@@ -18,14 +18,13 @@ from gpu.types import GPUTexture
 
 from . import handlers
 from .display import bake_view_transform, view_settings_key
-from .engine import LakeWaterRenderEngine
+from .engine import LakeWaterRenderEngine, viewport_statistics
 from .extract import camera_from_view
 from .host import Host
 from .render.frame import PassTimer
 
 TEXT_SIZE = 11.0
-TEXT_INDENT = 60.0
-TEXT_TOP = 130.0  # below the view's own text, and away from the redo panel
+TEXT_MARGIN = 12.0
 
 
 class _State:
@@ -37,11 +36,13 @@ class _State:
         self.host: Host | None = None
         self.tables: dict[tuple, tuple[GPUTexture, tuple[float, float]]] = {}
         self.wanted_table: tuple | None = None
+        self.textures_of: tuple | None = None
         self.error: str | None = None
 
     def forget_scene(self) -> None:
         """Drop what was taken from the scene; GPU objects are freed with it."""
         self.host = None
+        self.textures_of = None
         self.error = None
 
 
@@ -53,8 +54,13 @@ def _draws_in(context: bpy.types.Context) -> bool:
     space, scene = context.space_data, context.scene
     if _state is None or space is None or space.type != "VIEW_3D" or not scene.lake_water.show_in_viewport:
         return False
-    engine = context.engine if space.shading.type == "RENDERED" else None
-    return engine != LakeWaterRenderEngine.bl_idname and bool(handlers.waters(scene))
+    return not _is_rendered_by_us(context) and bool(handlers.waters(scene))
+
+
+def _is_rendered_by_us(context: bpy.types.Context) -> bool:
+    """Whether this viewport shows the picture of the engine LAKE_WATER, water and all."""
+    rendered = context.space_data.shading.type == "RENDERED"
+    return rendered and context.engine == LakeWaterRenderEngine.bl_idname
 
 
 def _leaves_depth(context: bpy.types.Context) -> bool:
@@ -97,35 +103,75 @@ def _draw(context: bpy.types.Context) -> None:
     snapshot = host.view_snapshot(context.evaluated_depsgraph_get(), context.space_data)
     plan = host.plan(snapshot, camera_from_view(context.region_data), scene)
     framebuffer = gpu.state.active_framebuffer_get()
-    host.renderer.draw_textures(plan, timer)
+    # Blender redraws for its own antialiasing and for a highlighted gizmo: then these are right already.
+    textures_of = (
+        snapshot.version,
+        snapshot.time,
+        plan.camera.view.tobytes(),
+        plan.camera.projection.tobytes(),
+        plan.fov_ext,
+        plan.texture_size,
+    )
+    if textures_of != _state.textures_of or timer.enabled:  # whoever asks for times wants all of them
+        _state.textures_of = None
+        host.renderer.draw_textures(plan, timer)
+        _state.textures_of = textures_of
     if not _leaves_depth(context):
         host.renderer.draw_depth(plan, timer, framebuffer)
     host.renderer.draw_water(plan, timer, framebuffer, table)
     host.finish(timer, time.perf_counter() - start)
 
 
+def _statistics(context: bpy.types.Context) -> list[str]:
+    """The lines to show in this viewport."""
+    if _state is None or not handlers.waters(context.scene):
+        return []
+    shown = context.scene.lake_water.show_statistics
+    if _is_rendered_by_us(context):
+        return viewport_statistics() if shown else []
+    if not context.scene.lake_water.show_in_viewport:
+        return []
+    if _state.error is not None:
+        return [_state.error]
+    return _state.host.statistics() if shown and _state.host is not None else []
+
+
 def _draw_statistics() -> None:
     """POST_PIXEL: frames per second and the time of each pass, or what went wrong."""
     context = bpy.context
-    if not _draws_in(context):
+    lines = _statistics(context)
+    if not lines:
         return
-    lines = []
-    if _state.error is not None:
-        lines = [_state.error]
-    elif context.scene.lake_water.show_statistics and _state.host is not None:
-        lines = _state.host.statistics()
-        handlers.publish_statistics(lines)
+    handlers.publish_statistics(lines)
     scale = context.preferences.system.ui_scale
+    left, bottom = _free_corner(context.area, context.region)
+    left, bottom = left + TEXT_MARGIN * scale, bottom + TEXT_MARGIN * scale
     blf.size(0, TEXT_SIZE * scale)
     blf.color(0, 1.0, 1.0, 1.0, 1.0)
     blf.enable(0, blf.SHADOW)
     blf.shadow(0, 3, 0.0, 0.0, 0.0, 0.8)
-    for i, line in enumerate(lines):
-        blf.position(
-            0, TEXT_INDENT * scale, context.region.height - (TEXT_TOP + 1.5 * TEXT_SIZE * i) * scale, 0.0
-        )
+    for i, line in enumerate(reversed(lines)):
+        blf.position(0, left, bottom + 1.5 * TEXT_SIZE * i * scale, 0.0)
         blf.draw(0, line)
     blf.disable(0, blf.SHADOW)
+
+
+def _free_corner(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float, float]:
+    """Left and bottom of what toolbar, redo panel and asset shelf leave free of a viewport, in its pixels.
+
+    Blender's own text is at the top.
+    """
+    left = bottom = 0
+    for other in area.regions:
+        right, top = other.x + other.width - region.x, other.y + other.height - region.y
+        hidden = other.width <= 1 or other.height <= 1 or right <= 0 or top <= 0
+        if hidden or other.x >= region.x + region.width or other.y >= region.y + region.height:
+            continue
+        if other.type == "TOOLS" and other.alignment == "LEFT":
+            left = max(left, right)
+        elif other.type in {"HUD", "ASSET_SHELF", "ASSET_SHELF_HEADER"}:
+            bottom = max(bottom, top)
+    return left, bottom
 
 
 def _table_of(scene: bpy.types.Scene) -> tuple[GPUTexture, tuple[float, float]] | None:
