@@ -83,6 +83,10 @@ class _Builder:
         """A number of subdivisions at this detail."""
         return max(int(round(n * math.sqrt(self.q))), least)
 
+    def pixels(self, size: int) -> int:
+        """Side of an image that has `size` pixels at full detail."""
+        return size if self.detail >= 0.7 else size // 2 if self.detail >= 0.3 else size // 4
+
     def rng(self, stream: int) -> np.random.Generator:
         return np.random.default_rng([self.seed, 100 + stream])
 
@@ -161,7 +165,7 @@ def build_lake(
     stone = attribute_material("Lake Stone", cull=True)
     timber = attribute_material("Lake Timber", cull=True)
     plank = image_material(
-        "Lake Planks", textures.make_image("Lake Planks", textures.wood(512, b.seed)), cull=True
+        "Lake Planks", textures.make_image("Lake Planks", textures.wood(b.pixels(512), b.seed)), cull=True
     )
     _add_jetty_and_boat(b, plank)
     _add_terrace(b)
@@ -186,7 +190,7 @@ def build_lake(
     )
     sun = _add_sun(b, sun_direction)
     camera = _add_camera(b)
-    world = sky.make_world("Lake Sky", sky.sky_image(sun_direction, b.seed))
+    world = sky.make_world("Lake Sky", sky.sky_image(sun_direction, b.seed, width=b.pixels(1024)))
     if set_world:
         scene.world = world
         _set_view(scene)
@@ -224,11 +228,10 @@ def _set_view(scene: bpy.types.Scene) -> None:
 
 
 def _add_terrain(b: _Builder) -> bpy.types.Object:
-    size = 2048 if b.detail >= 0.7 else 1024
-    image = textures.make_image("Lake Ground", paint_ground(b.terrain, size, b.shade))
+    image = textures.make_image("Lake Ground", paint_ground(b.terrain, b.pixels(1536), b.shade))
     inner = image_material("Lake Ground", image, cull=True)
     outer = image_material(
-        "Lake Hills", textures.make_image("Lake Hills", paint_hills(b.terrain, 2048)), cull=True
+        "Lake Hills", textures.make_image("Lake Hills", paint_hills(b.terrain, b.pixels(2048))), cull=True
     )
     return b.put(b.mesh("Terrain", terrain_mesh(b.terrain, b.detail), inner, outer), (0.0, 0.0, 0.0))
 
@@ -253,7 +256,9 @@ def _add_jetty_and_boat(b: _Builder, plank: bpy.types.Material) -> None:
         b.shade.append((float(px), float(py), 1.1, 0.30))
 
     paint = image_material(
-        "Lake Boat Paint", textures.make_image("Lake Boat Paint", textures.boat_paint(256, b.seed)), cull=True
+        "Lake Boat Paint",
+        textures.make_image("Lake Boat Paint", textures.boat_paint(b.pixels(256), b.seed)),
+        cull=True,
     )
     bx, by = np.array([x0, y0]) + inward * (length - 1.2) - side * 1.95
     heading = yaw - 0.16
@@ -265,10 +270,12 @@ def _add_jetty_and_boat(b: _Builder, plank: bpy.types.Material) -> None:
 def _add_terrace(b: _Builder) -> None:
     t = b.terrain.terrace
     tiles = image_material(
-        "Lake Tiles", textures.make_image("Lake Tiles", textures.mosaic(512, b.seed)), cull=True
+        "Lake Tiles", textures.make_image("Lake Tiles", textures.mosaic(b.pixels(512), b.seed)), cull=True
     )
     masonry = image_material(
-        "Lake Masonry", textures.make_image("Lake Masonry", textures.masonry(512, b.seed)), cull=True
+        "Lake Masonry",
+        textures.make_image("Lake Masonry", textures.masonry(b.pixels(512), b.seed)),
+        cull=True,
     )
     tiled, stone = props.terrace(t.steps, t.tread, t.rise, t.top, t.floor_depth, t.floor_length, t.half_width)
     x, y = np.asarray(t.origin) + t.start * np.asarray(t.inward)
@@ -282,7 +289,7 @@ CABIN_RADIUS = 29.5
 
 
 def _add_cabin(b: _Builder) -> None:
-    image = textures.make_image("Lake Boathouse", textures.cabin_atlas(512, b.seed))
+    image = textures.make_image("Lake Boathouse", textures.cabin_atlas(b.pixels(512), b.seed))
     material = image_material("Lake Boathouse", image, cull=True)
     x, y = CABIN_RADIUS * math.cos(CABIN_ANGLE), CABIN_RADIUS * math.sin(CABIN_ANGLE)
     # The gable with the door looks at the lake, a little askew.
@@ -297,7 +304,9 @@ def _add_cabin(b: _Builder) -> None:
 def _add_poles(b: _Builder) -> None:
     rng = b.rng(1)
     paint = image_material(
-        "Lake Pole Paint", textures.make_image("Lake Pole Paint", textures.stripes(256, b.seed)), cull=True
+        "Lake Pole Paint",
+        textures.make_image("Lake Pole Paint", textures.stripes(b.pixels(256), b.seed)),
+        cull=True,
     )
     shape = props.post(3.1, 0.055, b.sides(12, 8), np.random.default_rng([b.seed, 3]), (1.0, 1.0))
     mesh = b.mesh("Mooring Pole", shape, paint)
@@ -435,7 +444,7 @@ def _add_logs(b: _Builder, material: bpy.types.Material) -> None:
 
 def _add_reeds(b: _Builder) -> None:
     rng = b.rng(5)
-    image = textures.make_image("Lake Reeds", textures.reed_atlas(512, b.seed))
+    image = textures.make_image("Lake Reeds", textures.reed_atlas(b.pixels(512), b.seed))
     material = image_material("Lake Reeds", image, clip=True, cull=True)
     meshes = [
         b.mesh(
@@ -483,12 +492,15 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
         return image_material(f"Lake {name}", textures.make_image(f"Lake {name}", pixels), clip=True)
 
     green, light, dark = (0.105, 0.165, 0.032), (0.155, 0.205, 0.04), (0.062, 0.112, 0.045)
-    oak = leaves("Oak Leaves", textures.leaf_atlas(512, b.seed, green))
-    birch = leaves("Birch Leaves", textures.leaf_atlas(512, b.seed + 1, light, leaves=140, leaf=0.13))
-    pine = leaves(
-        "Pine Needles", textures.leaf_atlas(512, b.seed + 2, dark, leaves=170, leaf=0.24, slender=0.16)
+    oak = leaves("Oak Leaves", textures.leaf_atlas(b.pixels(512), b.seed, green))
+    birch = leaves(
+        "Birch Leaves", textures.leaf_atlas(b.pixels(512), b.seed + 1, light, leaves=140, leaf=0.13)
     )
-    needles = leaves("Spruce Branches", textures.needle_atlas(512, b.seed, (0.05, 0.092, 0.035)))
+    pine = leaves(
+        "Pine Needles",
+        textures.leaf_atlas(b.pixels(512), b.seed + 2, dark, leaves=170, leaf=0.24, slender=0.16),
+    )
+    needles = leaves("Spruce Branches", textures.needle_atlas(b.pixels(512), b.seed, (0.05, 0.092, 0.035)))
     n = b.count(11)
     sides = b.sides(8, 5)
     grow = 1.0 / math.sqrt(b.q)  # fewer cards are larger ones
@@ -660,7 +672,7 @@ def _add_trees(b: _Builder, timber: bpy.types.Material) -> None:
 
 def _add_far_forest(b: _Builder) -> None:
     rng = b.rng(7)
-    image = textures.make_image("Lake Far Trees", textures.far_tree_atlas(512, b.seed, HAZE))
+    image = textures.make_image("Lake Far Trees", textures.far_tree_atlas(b.pixels(512), b.seed, HAZE))
     material = image_material("Lake Far Trees", image, clip=True)
     wanted = b.count(1000)
     tries = wanted * 4
@@ -682,7 +694,7 @@ def _add_far_forest(b: _Builder) -> None:
 def _add_grass(b: _Builder) -> None:
     """Last: as many patches as are left of the vertices that the level of detail allows."""
     rng = b.rng(8)
-    image = textures.make_image("Lake Grass", textures.grass_atlas(512, b.seed))
+    image = textures.make_image("Lake Grass", textures.grass_atlas(b.pixels(512), b.seed))
     material = image_material("Lake Grass", image, clip=True, cull=True)
     tufts = b.count(16)
     meadow = b.mesh(
@@ -737,6 +749,9 @@ def _add_grass(b: _Builder) -> None:
 
 def _add_water(b: _Builder) -> bpy.types.Object:
     water = create_water("Lake Water", WATER_SIZE, WATER_SIZE, b.collection, (0.0, 0.0, b.level))
+    # A clear lake under trees. The thesis's green, which is the default, belongs to a picture without exposure.
+    water.lake_water.k = 0.38
+    water.lake_water.water_color = (0.010, 0.080, 0.065)
     # From more sides than in a steady breeze: in a sheltered lake parallel crests look like corrugated iron.
     set_waves(
         water,
