@@ -749,10 +749,10 @@ def _add_grass(b: _Builder) -> None:
 
 def _add_water(b: _Builder) -> bpy.types.Object:
     water = create_water("Lake Water", WATER_SIZE, WATER_SIZE, b.collection, (0.0, 0.0, b.level))
-    # A clear lake under trees. The thesis's green, which is the default, belongs to a picture without exposure.
+    # A clear lake under trees. The thesis's green, the default, belongs to a picture without exposure.
     water.lake_water.k = 0.38
     water.lake_water.water_color = (0.010, 0.080, 0.065)
-    # From more sides than in a steady breeze: in a sheltered lake parallel crests look like corrugated iron.
+    # From more sides than in a breeze: on a sheltered lake parallel crests look like corrugated iron.
     set_waves(
         water,
         default_waves(count=9, spread=math.radians(230.0), height=0.10, longest=3.6, shortest=0.42, seed=5),
