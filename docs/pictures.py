@@ -80,7 +80,7 @@ def render(scene: bpy.types.Scene) -> Image.Image:
 
 
 def pair(scene: bpy.types.Scene, detail: tuple[int, int]) -> Image.Image:
-    """With the remedy on the left, without it on the right; below, DETAIL pixels from `detail` on, enlarged."""
+    """With the remedy on the left, without it on the right; below, DETAIL pixels from `detail` on, larger."""
     pictures = [render(scene)]
     with without_remedy():
         pictures.append(render(scene))
