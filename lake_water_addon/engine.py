@@ -56,12 +56,14 @@ def release_final_host() -> None:
 def picture_window(render: bpy.types.RenderSettings, width: int, height: int) -> tuple[int, int, int, int]:
     """Border render: (left, bottom, right, top) in pixels of the part that is drawn.
 
-    Truncates as Blender does, so that the size agrees with the one it expects.
+    Multiplies and truncates in float32 as Blender does, so that the size agrees with the one it expects.
     """
     if not render.use_border:
         return 0, 0, width, height
-    left, right = int(render.border_min_x * width), int(render.border_max_x * width)
-    bottom, top = int(render.border_min_y * height), int(render.border_max_y * height)
+    borders = np.array(
+        [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y], np.float32
+    )
+    left, bottom, right, top = (borders * np.array([width, height] * 2, np.float32)).astype(int).tolist()
     return left, bottom, max(right, left + 1), max(top, bottom + 1)
 
 
@@ -103,8 +105,9 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         start = time.perf_counter()
         scene = depsgraph.scene
         render = scene.render
-        scale = render.resolution_percentage / 100.0
-        width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)
+        width, height = (
+            side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y)
+        )
         left, bottom, right, top = picture_window(render, width, height)
         size = (right - left, top - bottom)
         host.begin(size)
