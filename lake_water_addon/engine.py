@@ -105,9 +105,7 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         start = time.perf_counter()
         scene = depsgraph.scene
         render = scene.render
-        width, height = (
-            side * render.resolution_percentage // 100 for side in (render.resolution_x, render.resolution_y)
-        )
+        width, height = self.resolution_x, self.resolution_y  # those of another scene that composits this one
         left, bottom, right, top = picture_window(render, width, height)
         size = (right - left, top - bottom)
         host.begin(size)
