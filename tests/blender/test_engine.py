@@ -199,3 +199,27 @@ def test_settings_of_the_scene_reach_the_picture(pool, blender, tmp_path):
         change()
         pictures.append(render(pool, tmp_path))
         assert np.abs(pictures[-1] - pictures[-2]).max() > 1e-3, f"{name} changes nothing"
+
+
+def test_only_what_changed_is_uploaded_again(pool, blender, tmp_path):
+    from lake_water_addon.engine import last_render_report
+
+    def made_by(change) -> dict[str, int]:
+        change()
+        render(pool, tmp_path)
+        return last_render_report()["created"]
+
+    def move_vertex() -> None:
+        mesh = blender.data.objects["Plane"].data
+        mesh.vertices[0].co.z += 0.1
+        mesh.update()
+
+    render(pool, tmp_path)
+    render(pool, tmp_path)
+    assert made_by(lambda: None) == {}
+    assert made_by(lambda: setattr(pool.camera, "location", (1, -9, 5))) == {}, "the camera uploads nothing"
+    water = blender.data.objects["Pool"]
+    assert made_by(lambda: setattr(water.lake_water, "k", 0.1)) == {}, "a setting uploads nothing"
+    cube = blender.data.objects["Cube"]
+    assert made_by(lambda: setattr(cube, "location", (2, 1, 0))) == {"textures": 1}, "matrices are one texture"
+    assert made_by(move_vertex) == {"buffers": 1, "batches": 1, "textures": 1}, "one mesh and its matrices"
