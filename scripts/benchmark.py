@@ -18,6 +18,7 @@ from collections import defaultdict
 from pathlib import Path
 
 import bpy
+from _arguments import count, number, size
 from _console import Console
 from _frame_files import RenderProblem
 from _gpu_start import machine, require_gpu
@@ -30,28 +31,10 @@ from lake_water_addon.extract import camera_from_object
 from lake_water_addon.host import Host
 from lake_water_addon.render.frame import PassTimer
 from lake_water_addon.render.passes.accumulate import picture_target
+from lake_water_addon.render.targets import TargetError
 from lake_water_addon.scenes import build_lake
 
 GRIDS = (49, 128, 256, 512, 1024)
-
-
-def resolution(text: str) -> tuple[int, int]:
-    """ "640x480" -> (640, 480)."""
-    width, _, height = text.lower().partition("x")
-    try:
-        size = int(width), int(height)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not WIDTHxHEIGHT, such as 640x480") from None
-    if min(size) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: both sides must be at least 1 pixel")
-    return size
-
-
-def positive(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text} must be at least 1")
-    return value
 
 
 def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
@@ -60,11 +43,11 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
     )
     commands = parser.add_subparsers(dest="command", required=True)
     frames = commands.add_parser("frames", help="time of each pass and of the frame, with water and without")
-    frames.add_argument("--repeats", type=positive, default=30, help="frames of each kind (default 30)")
-    frames.add_argument("--memory-frames", type=positive, default=500, help="of the memory test")
-    frames.add_argument("--resolution", type=resolution, default=(640, 480), metavar="WxH")
-    frames.add_argument("--texture-size", type=positive, default=512)
-    frames.add_argument("--detail", type=float, default=1.0, help="of the lake; 1 is the thesis's size")
+    frames.add_argument("--repeats", type=count, default=30, help="frames of each kind (default 30)")
+    frames.add_argument("--memory-frames", type=count, default=500, help="of the memory test")
+    frames.add_argument("--resolution", type=size, default=(640, 480), metavar="WxH")
+    frames.add_argument("--texture-size", type=count, default=512)
+    frames.add_argument("--detail", type=number, default=1.0, help="of the lake; 1 is the thesis's size")
     frames.add_argument("--seed", type=int, default=1)
     frames.add_argument("--json", type=Path, metavar="FILE", help="write the figures there, too")
     return parser.parse_args(arguments)
@@ -136,8 +119,8 @@ def measure_frames(options: argparse.Namespace) -> dict:
         seconds["whole frame"].append(bench.host.report.frame_s)
         seconds["extraction"].append(bench.host.report.extraction_s)
         seconds["planning"].append(bench.host.report.planning_s)
-        for kind, count in bench.host.report.made.items():
-            made[kind] += count
+        for kind, number_made in bench.host.report.made.items():
+            made[kind] += number_made
         bench.frame(water=False)
         seconds["scene without water"].append(bench.host.report.frame_s)
         bench.frame(time_passes=True)
@@ -200,8 +183,8 @@ def measure_memory(bench: FrameBench, frames: int) -> dict:
     for frame in range(frames):
         bench.advance(frame + 2)
         bench.frame()
-        for kind, count in bench.host.report.made.items():
-            made[kind] += count
+        for kind, number_made in bench.host.report.made.items():
+            made[kind] += number_made
     return {"frames": frames, "growth_kib": (resident_bytes() - before) / 1024, "made": dict(made)}
 
 
@@ -245,6 +228,12 @@ def main() -> int:
     lake_water_addon.register()
     try:
         figures = measure_frames(options)
+    except (ValueError, TargetError) as error:
+        print(f"benchmark: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("benchmark: stopped, nothing is written", file=sys.stderr)
+        return 130
     finally:
         lake_water_addon.unregister()
     print_figures(figures)
