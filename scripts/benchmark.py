@@ -26,6 +26,7 @@ from _gpu_start import machine, require_gpu
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import lake_water_addon
+from lake_water_addon import handlers
 from lake_water_addon.core.plan import FramePlan
 from lake_water_addon.extract import camera_from_object
 from lake_water_addon.host import Host
@@ -71,13 +72,17 @@ class FrameBench:
         self.scene.lake_water.texture_size = options.texture_size
         self.host = Host()
         self.depsgraph = bpy.context.evaluated_depsgraph_get()
+        # Blender tells what changed only while it updates: listen, as the viewport does.
+        handlers.subscribe(handlers.Listener(updated=self._note, frame_changed=self._note))
         self.target = picture_target(self.host.renderer.targets, "benchmark", self.size)
 
     def advance(self, frame: int) -> None:
         """Go to a frame, as playback does."""
         self.scene.frame_set(frame)
         self.depsgraph = bpy.context.evaluated_depsgraph_get()
-        self.host.extractor.note_updates(self.depsgraph)
+
+    def _note(self, _scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        self.host.extractor.note_updates(depsgraph)
 
     def plan(self, *, water: bool = True) -> FramePlan:
         snapshot = self.host.snapshot(self.depsgraph)
