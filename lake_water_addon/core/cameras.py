@@ -20,7 +20,7 @@ MIN_W = 1e-6
 
 def is_orthographic(projection: np.ndarray) -> bool:
     """True when clip w does not depend on the point."""
-    return bool(np.allclose(projection[3, :3], 0.0))
+    return not projection[3, :3].any()
 
 
 def eye_position(view: np.ndarray) -> np.ndarray:
