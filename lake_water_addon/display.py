@@ -16,24 +16,52 @@ import numpy as np
 
 from .core import view_transform
 
+# Each after those that limit its choices.
+SETTINGS = (
+    "display_device",
+    "emulation",
+    "view_transform",
+    "look",
+    "exposure",
+    "gamma",
+    "use_curve_mapping",
+    "use_white_balance",
+    "white_balance_temperature",
+    "white_balance_tint",
+)
+CURVE_SETTINGS = (
+    "black_level",
+    "white_level",
+    "clip_min_x",
+    "clip_min_y",
+    "clip_max_x",
+    "clip_max_y",
+    "use_clip",
+)
+
 
 def view_settings_key(scene: bpy.types.Scene) -> tuple:
     """Equal keys give equal tables."""
-    view = scene.view_settings
-    curves = ()
-    if view.use_curve_mapping:
-        curves = tuple(
-            tuple((round(p.location[0], 5), round(p.location[1], 5)) for p in curve.points)
-            for curve in view.curve_mapping.curves
-        )
     return (
-        scene.display_settings.display_device,
-        view.view_transform,
-        view.look,
-        view.exposure,
-        view.gamma,
-        curves,
+        *_settings(scene.display_settings),
+        *_settings(scene.view_settings),
+        *_curves(scene.view_settings),
     )
+
+
+def _settings(owner: bpy.types.bpy_struct) -> tuple:
+    return tuple((name, getattr(owner, name)) for name in SETTINGS if name in owner.bl_rna.properties)
+
+
+def _curves(view: bpy.types.ColorManagedViewSettings) -> tuple:
+    if not view.use_curve_mapping:
+        return ()
+    mapping = view.curve_mapping
+    values = [value for name in CURVE_SETTINGS for value in np.atleast_1d(getattr(mapping, name)).tolist()]
+    for curve in mapping.curves:
+        values += [(*point.location, point.handle_type) for point in curve.points]
+        values.append(len(curve.points))
+    return tuple(values)
 
 
 def bake_view_transform(scene: bpy.types.Scene) -> tuple[np.ndarray, tuple[float, float]]:
@@ -74,14 +102,12 @@ def bake_view_transform(scene: bpy.types.Scene) -> tuple[np.ndarray, tuple[float
 
 
 def _copy_settings(source: bpy.types.bpy_struct, target: bpy.types.bpy_struct) -> None:
-    for name in ("display_device", "view_transform", "look", "exposure", "gamma", "use_curve_mapping"):
-        if name in source.bl_rna.properties:
-            setattr(target, name, getattr(source, name))
+    for name, value in _settings(source):
+        setattr(target, name, value)
 
 
 def _copy_curves(source: bpy.types.CurveMapping, target: bpy.types.CurveMapping) -> None:
-    clips = ("clip_min_x", "clip_min_y", "clip_max_x", "clip_max_y", "use_clip")
-    for name in ("black_level", "white_level", *clips):
+    for name in CURVE_SETTINGS:
         setattr(target, name, getattr(source, name))
     for from_curve, to_curve in zip(source.curves, target.curves, strict=True):
         while len(to_curve.points) < len(from_curve.points):

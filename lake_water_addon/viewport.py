@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections import OrderedDict
 
 import blf
 import bpy
@@ -25,6 +26,7 @@ from .render.frame import PassTimer
 
 TEXT_SIZE = 11.0
 TEXT_MARGIN = 12.0
+MAX_TABLES = 8  # view transforms kept: windows may show scenes that differ in theirs
 
 
 class _State:
@@ -34,7 +36,7 @@ class _State:
         self.draw_handles: list = []
         self.listener: handlers.Listener | None = None
         self.host: Host | None = None
-        self.tables: dict[tuple, tuple[GPUTexture, tuple[float, float]]] = {}
+        self.tables: OrderedDict[tuple, tuple[GPUTexture, tuple[float, float]]] = OrderedDict()
         self.wanted_table: tuple | None = None
         self.textures_of: tuple | None = None
         self.error: str | None = None
@@ -175,17 +177,19 @@ def _free_corner(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float,
 
 
 def _table_of(scene: bpy.types.Scene) -> tuple[GPUTexture, tuple[float, float]] | None:
-    """The scene's view transform, or None while it is being baked (never while drawing)."""
+    """The scene's view transform. While it is being baked (never while drawing) the one before; at first None."""
     key = view_settings_key(scene)
-    if key not in _state.tables and _state.wanted_table != key:
+    if key in _state.tables:
+        _state.tables.move_to_end(key)
+    elif _state.wanted_table != key:
         _state.wanted_table = key
         bpy.app.timers.register(_bake_wanted_table, first_interval=0.0)
-    return _state.tables.get(key)
+    return next(reversed(_state.tables.values()), None)
 
 
 def _bake_wanted_table() -> None:
     """Timer: outside of drawing, where data-blocks can be made."""
-    if _state is None:
+    if _state is None or _state.wanted_table is None:
         return
     for scene in bpy.data.scenes:
         if view_settings_key(scene) == _state.wanted_table:
@@ -195,7 +199,9 @@ def _bake_wanted_table() -> None:
             texture = gpu.types.GPUTexture((size, size, size), format="RGBA16F", data=data)
             texture.filter_mode(True)
             texture.extend_mode("EXTEND")
-            _state.tables = {_state.wanted_table: (texture, lattice)}
+            _state.tables[_state.wanted_table] = (texture, lattice)
+            while len(_state.tables) > MAX_TABLES:
+                _state.tables.popitem(last=False)
             break
     _state.wanted_table = None
     _redraw_viewports()

@@ -43,8 +43,10 @@ def lattice_colors(lattice: tuple[float, float]) -> np.ndarray:
     return colors
 
 
-def srgb_decoded(encoded: np.ndarray) -> np.ndarray:
-    """Inverse of the sRGB encoding (IEC 61966-2-1)."""
-    encoded = np.asarray(encoded, dtype=np.float64)
-    high = ((np.maximum(encoded, 0.0) + 0.055) / 1.055) ** 2.4
-    return np.where(encoded <= 0.04045, encoded / 12.92, high)
+def overlay_decoded(display: np.ndarray) -> np.ndarray:
+    """What to write into Blender's viewport overlay for a display colour (0..1) to appear.
+
+    Blender takes the overlay's values for linear ones and encodes them with a plain power of 2.2, not
+    with the curve of sRGB, whatever view transform the scene has (measured in 5.2; up to 8 of 255 apart).
+    """
+    return np.maximum(np.asarray(display, dtype=np.float64), 0.0) ** 2.2

@@ -8,19 +8,16 @@ vec3 to_lattice(vec3 linear_color)
   return stops / log2(view_transform_range.y / view_transform_range.x + 1.0);
 }
 
-// Inverse of the sRGB encoding.
-vec3 srgb_decoded(vec3 encoded)
+// What Blender's viewport overlay shows as this display colour: it is encoded with a plain power of 2.2.
+vec3 overlay_decoded(vec3 display)
 {
-  vec3 low = encoded / 12.92;
-  vec3 high = pow((max(encoded, vec3(0.0)) + 0.055) / 1.055, vec3(2.4));
-  return mix(high, low, vec3(lessThanEqual(encoded, vec3(0.04045))));
+  return pow(max(display, vec3(0.0)), vec3(2.2));
 }
 
-// For the viewport's overlay: its framebuffer encodes to sRGB what is written, so the display colour
-// is decoded once.
+// For the viewport's overlay, which is merged after colour management.
 vec3 view_transform(vec3 linear_color)
 {
   float size = float(textureSize(view_transform_table, 0).x);
   vec3 at = clamp(to_lattice(linear_color), 0.0, 1.0);
-  return srgb_decoded(texture(view_transform_table, (at * (size - 1.0) + 0.5) / size).rgb);
+  return overlay_decoded(texture(view_transform_table, (at * (size - 1.0) + 0.5) / size).rgb);
 }
