@@ -177,7 +177,7 @@ def _free_corner(area: bpy.types.Area, region: bpy.types.Region) -> tuple[float,
 
 
 def _table_of(scene: bpy.types.Scene) -> tuple[GPUTexture, tuple[float, float]] | None:
-    """The scene's view transform. While it is being baked (never while drawing) the one before; at first None."""
+    """The scene's view transform; while it is baked (never while drawing) the one before, or None."""
     key = view_settings_key(scene)
     if key in _state.tables:
         _state.tables.move_to_end(key)
