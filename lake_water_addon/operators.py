@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The buttons. Each is one call deep: the work is done by functions that need no user interface."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import bpy
 from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
@@ -75,6 +78,19 @@ class _ObjectModeOperator:
         return {"CANCELLED"}
 
 
+@contextmanager
+def _busy_cursor(context: bpy.types.Context) -> Iterator[None]:
+    """Show that Blender is at work; without a window nobody sees it."""
+    window = context.window
+    if window is not None:
+        window.cursor_modal_set("WAIT")
+    try:
+        yield
+    finally:
+        if window is not None:
+            window.cursor_modal_restore()
+
+
 class LAKE_WATER_OT_add_lake(_ObjectModeOperator, bpy.types.Operator):
     """Add a whole lake: basin, shore, plants, things in the water, sun, sky and camera"""
 
@@ -105,7 +121,8 @@ class LAKE_WATER_OT_add_lake(_ObjectModeOperator, bpy.types.Operator):
         scene = context.scene
         first = not water_objects.waters_of(scene)
         try:
-            lake = build_lake(scene, seed=self.seed, detail=self.detail)
+            with _busy_cursor(context):  # some seconds
+                lake = build_lake(scene, seed=self.seed, detail=self.detail)
         except ValueError as error:
             return self.refuse(error)
         if first:
