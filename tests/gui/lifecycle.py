@@ -1,0 +1,682 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The extension's life in Blender's window: what is drawn, when it changes, and that nothing stays behind.
+
+    blender --factory-startup -P tests/gui/lifecycle.py [-- NAME ...]
+
+Needs a Blender with a window (Xvfb will do) and takes some minutes with software OpenGL. Without names all
+checks run. Uses the installed extension where it is enabled, else this checkout's package.
+Exit status: 0 when every check passed, 1 when one failed, 2 for an unknown name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import bpy
+import gpu
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+DETAIL = 0.1  # of the lake: what is checked here does not depend on it
+SETTLE = 0.3  # seconds that Blender gets to handle events
+SEEN = 0.02  # part of the viewport that the lake covers at least in the views used here
+CHANGED = 1e-3  # mean difference of a picture that counts as changed
+
+Steps = Iterator[float]
+
+
+class CheckError(AssertionError):
+    """What a check found wrong."""
+
+
+def expect(condition: bool, message: str) -> None:
+    """Fail the running check unless the condition holds."""
+    if not condition:
+        raise CheckError(message)
+
+
+def load_package():
+    """The registered package: the installed extension if it is enabled, else this checkout's."""
+    if hasattr(bpy.types.Scene, "lake_water"):
+        name = next(
+            name for name in sys.modules if name.startswith("bl_ext.") and name.endswith(".lake_water")
+        )
+        return sys.modules[name]
+    sys.path.insert(0, str(ROOT))
+    package = importlib.import_module("lake_water_addon")
+    package.register()
+    return package
+
+
+def module(name: str):
+    """A module of the package by its name inside."""
+    return importlib.import_module(f".{name}", PACKAGE.__name__)
+
+
+# The window
+
+
+def view3d(
+    which: int = 0,
+) -> tuple[bpy.types.Window, bpy.types.Area, bpy.types.Region, bpy.types.SpaceView3D]:
+    """Window, area, main region and space of a 3D viewport."""
+    found = [
+        (window, area)
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "VIEW_3D"
+    ]
+    window, area = found[which]
+    return window, area, next(r for r in area.regions if r.type == "WINDOW"), area.spaces.active
+
+
+def in_viewport(which: int = 0):
+    """Context override of a viewport; to be made anew after each redraw."""
+    window, area, region, space = view3d(which)
+    return bpy.context.temp_override(window=window, area=area, region=region, space_data=space)
+
+
+def redraw(times: int = 1) -> None:
+    """Draw all windows now."""
+    with in_viewport():
+        bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=times)
+
+
+def settle(seconds: float = SETTLE) -> Steps:
+    """Let Blender handle events, compile shaders and bake the view transform, and draw."""
+    redraw()
+    yield seconds
+    while bpy.app.is_job_running("SHADER_COMPILATION"):
+        yield seconds
+    redraw()
+    yield seconds
+    redraw()
+
+
+class Probe:
+    """Looks at what the draw handler draws: colours of the overlay before and after it.
+
+    picture: what was drawn last, (h, w, 4), and 0 where it did not draw.
+    """
+
+    def __init__(self) -> None:
+        self.draws = 0
+        self.covered: dict[int, float] = {}  # part of each region that the handler covered last
+        self.picture: np.ndarray | None = None
+        self._before: np.ndarray | None = None
+        self._handles: list = []
+
+    def _read(self) -> np.ndarray:
+        framebuffer = gpu.state.active_framebuffer_get()
+        x, y, width, height = framebuffer.viewport_get()
+        return np.array(framebuffer.read_color(x, y, width, height, 4, 0, "FLOAT")).reshape(height, width, 4)
+
+    def _note_before(self) -> None:
+        self._before = self._read()
+
+    def _note_after(self) -> None:
+        after = self._read()
+        self.draws += 1
+        changed = np.any(after != self._before, axis=2)
+        self.picture = np.where(changed[..., None], after, 0.0)
+        self.covered[bpy.context.region.as_pointer()] = float(changed.mean())
+
+    def __enter__(self) -> Probe:
+        """Handlers are called in the order in which they were added: register the package in between."""
+        PACKAGE.unregister()
+        add = bpy.types.SpaceView3D.draw_handler_add
+        self._handles.append(add(self._note_before, (), "WINDOW", "POST_VIEW"))
+        PACKAGE.register()
+        self._handles.append(add(self._note_after, (), "WINDOW", "POST_VIEW"))
+        return self
+
+    def __exit__(self, *_args) -> None:
+        for handle in self._handles:
+            bpy.types.SpaceView3D.draw_handler_remove(handle, "WINDOW")
+
+    def coverage(self, which: int = 0) -> float:
+        """Part of a viewport that the handler covered when it was drawn last."""
+        return self.covered.get(view3d(which)[2].as_pointer(), 0.0)
+
+
+class RenderedProbe:
+    """Counts what the engine draws in viewports, and keeps the last picture (scene-linear)."""
+
+    def __init__(self) -> None:
+        self.draws = 0
+        self.picture: np.ndarray | None = None
+
+    def __enter__(self) -> RenderedProbe:
+        self._engine = module("engine").LakeWaterRenderEngine
+        self._original = original = self._engine._view_draw
+
+        def view_draw(engine, context, depsgraph) -> None:
+            original(engine, context, depsgraph)
+            self.draws += 1
+            self.picture = _mean_picture(engine)
+
+        self._engine._view_draw = view_draw
+        return self
+
+    def __exit__(self, *_args) -> None:
+        self._engine._view_draw = self._original
+
+
+def _mean_picture(engine) -> np.ndarray:
+    """What the engine has accumulated, divided by its samples."""
+    accumulate = importlib.import_module(".render.passes.accumulate", PACKAGE.__name__)
+    host = engine._viewport
+    mean = accumulate.mean_target(host.renderer.targets, "view", host.report.resolution)
+    values = np.asarray(mean.colors[0].read(), dtype=np.float32)
+    return values.reshape(mean.size[1], mean.size[0], 4) / engine._samples_done
+
+
+def fresh_lake(shading: str = "SOLID") -> Steps:
+    """A new file with the demonstration lake, seen through its camera."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=False)
+    yield SETTLE
+    for thing in list(bpy.data.objects):
+        bpy.data.objects.remove(thing)
+    with in_viewport():
+        bpy.ops.lake_water.add_lake(detail=DETAIL)
+    bpy.context.preferences.view.render_display_type = "NONE"
+    space = view3d()[3]
+    space.region_3d.view_perspective = "CAMERA"
+    space.shading.type = shading
+    yield from settle()
+
+
+def water_object() -> bpy.types.Object:
+    return next(obj for obj in bpy.context.scene.objects if obj.lake_water.enabled)
+
+
+def counts() -> dict[str, int]:
+    """How many data-blocks and handlers there are."""
+    blocks = {
+        name: len(getattr(bpy.data, name)) for name in ("images", "scenes", "meshes", "objects", "texts")
+    }
+    lists = {name: getattr(bpy.app.handlers, name) for name in dir(bpy.app.handlers)}
+    return blocks | {name: len(value) for name, value in lists.items() if isinstance(value, list)}
+
+
+def resident_mib() -> float | None:
+    """Memory of this process, MiB; None where the system does not tell in this way."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return None
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def difference(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.abs(a - b).mean()) if a.shape == b.shape else float("inf")
+
+
+# The checks
+
+
+def check_shading_modes() -> Steps:
+    """Water is seen in every shading mode, with overlays and without."""
+    with Probe() as probe:
+        yield from fresh_lake()
+        space = view3d()[3]
+        seen = {}
+        for overlays in (True, False):
+            space.overlay.show_overlays = overlays
+            for shading, engine in (
+                ("WIREFRAME", "LAKE_WATER"),
+                ("SOLID", "LAKE_WATER"),
+                ("MATERIAL", "LAKE_WATER"),
+                ("RENDERED", "BLENDER_EEVEE"),
+                ("RENDERED", "BLENDER_WORKBENCH"),
+            ):
+                bpy.context.scene.render.engine = engine
+                space.shading.type = shading
+                yield from settle()
+                seen[shading, engine, overlays] = probe.coverage()
+        for key, part in seen.items():
+            expect(part > SEEN, f"no water in {key} (shading, engine, overlays): {part:.1%} covered")
+        space.shading.type = "RENDERED"
+        bpy.context.scene.render.engine = "LAKE_WATER"
+        yield from settle()
+        expect(probe.coverage() == 0.0, "the handler draws over the engine's own picture")
+
+
+def check_visibility() -> Steps:
+    """Hidden water is not drawn, in local view and in excluded collections neither."""
+    with Probe() as probe:
+        yield from fresh_lake()
+        expect(probe.coverage() > SEEN, "no water to begin with")
+        water, scene = water_object(), bpy.context.scene
+
+        def hide_collection(value: bool) -> None:
+            collection = water.users_collection[0]
+            layers = [bpy.context.view_layer.layer_collection]
+            for layer in layers:
+                layers += layer.children
+                if layer.collection == collection:
+                    layer.exclude = value
+
+        for what, switch in (
+            ("hidden in the viewport", water.hide_set),
+            ("disabled in viewports", lambda v: setattr(water, "hide_viewport", v)),
+            ("in an excluded collection", hide_collection),
+            ("switched off in the panel", lambda v: setattr(scene.lake_water, "show_in_viewport", not v)),
+        ):
+            switch(True)
+            yield from settle()
+            expect(probe.coverage() == 0.0, f"water is drawn although it is {what}")
+            switch(False)
+            yield from settle()
+            expect(probe.coverage() > SEEN, f"water does not come back after it was {what}")
+        other = next(obj for obj in scene.objects if obj.type == "MESH" and obj != water)
+        for obj, shown in ((other, False), (water, True)):
+            for selected in list(bpy.context.selected_objects):
+                selected.select_set(False)
+            obj.select_set(True)
+            bpy.context.view_layer.objects.active = obj
+            with in_viewport():
+                bpy.ops.view3d.localview(frame_selected=False)
+            yield from settle()
+            seen = probe.coverage()
+            with in_viewport():
+                bpy.ops.view3d.localview(frame_selected=False)
+            yield from settle()
+            expect((seen > SEEN) == shown, f'local view of "{obj.name}": {seen:.1%} covered by water')
+
+
+def check_viewports() -> Steps:
+    """Split and joined areas, quad view and a second window all show water."""
+    with Probe() as probe:
+        yield from fresh_lake()
+        with in_viewport():
+            bpy.ops.screen.area_split(direction="VERTICAL", factor=0.4)
+        yield from settle()
+        for which in (0, 1):
+            expect(probe.coverage(which) > SEEN, f"no water in viewport {which} after a split")
+        window, first, *_ = view3d(0)
+        second = view3d(1)[1]
+        with bpy.context.temp_override(window=window):
+            bpy.ops.screen.area_join(source_xy=_middle(first), target_xy=_middle(second))
+        yield from settle()
+        expect(probe.coverage() > SEEN, "no water after areas were joined")
+        with in_viewport():
+            bpy.ops.screen.region_quadview()
+        yield from settle()
+        regions = [r for r in view3d()[1].regions if r.type == "WINDOW"]
+        expect(len(regions) == 4, "quad view has four regions")
+        seen = [probe.covered.get(region.as_pointer(), 0.0) > SEEN for region in regions]
+        expect(sum(seen) >= 2, f"top and user view show water in quad view: {seen}")
+        with in_viewport():
+            bpy.ops.screen.region_quadview()
+        view3d()[3].region_3d.view_perspective = "CAMERA"
+        yield from settle()
+        with in_viewport():
+            bpy.ops.wm.window_new()
+        yield SETTLE
+        windows = list(bpy.context.window_manager.windows)
+        for which in range(len(windows)):
+            view3d(which)[3].region_3d.view_perspective = "CAMERA"
+        yield from settle(1.0)
+        expect(len(windows) == 2, "there are two windows")
+        for which in range(2):
+            expect(probe.coverage(which) > SEEN, f"no water in window {which}")
+        with bpy.context.temp_override(window=windows[1]):
+            bpy.ops.wm.window_close()
+        yield from settle()
+        expect(probe.coverage() > SEEN, "no water after the second window was closed")
+
+
+def _middle(area: bpy.types.Area) -> tuple[int, int]:
+    return area.x + area.width // 2, area.y + area.height // 2
+
+
+def _changes() -> list[tuple[str, Callable[[], None]]]:
+    """Each setting, and how to change it so that it shows."""
+    water, scene = water_object().lake_water, bpy.context.scene.lake_water
+
+    def setter(owner, name: str, value) -> tuple[str, Callable[[], None]]:
+        return f"{name} = {value}", lambda: setattr(owner, name, value)
+
+    return [
+        setter(water, "k", 0.05),
+        setter(water, "q", 2.0),
+        setter(water, "c", 6.0),
+        setter(water, "ior", 1.6),
+        setter(water, "water_color", (0.3, 0.0, 0.1)),
+        setter(water.waves[0], "amplitude", 0.2),
+        setter(water.waves[0], "wavelength", 2.5),
+        setter(water.waves[0], "direction", 1.5),
+        setter(water.waves[0], "phase", 2.0),
+        setter(water, "grid_resolution", 3),
+        setter(scene, "fov_ext", 2.5),
+        setter(scene, "intersection_steps", 1),
+        setter(scene, "texture_size", 64),
+    ]
+
+
+def check_settings() -> Steps:
+    """Each setting shows at the next redraw, drawn by the handler and by the engine; undo takes it back."""
+    with Probe() as probe, RenderedProbe() as rendered:
+        yield from fresh_lake()
+        bpy.context.scene.lake_water.viewport_samples = 1
+        for shading, eye in (("SOLID", probe), ("RENDERED", rendered)):
+            view3d()[3].shading.type = shading
+            yield from settle()
+            for name, change in _changes():
+                before = eye.picture
+                change()
+                yield SETTLE  # no redraw is asked for here: the change itself has to do that
+                found = difference(before, eye.picture)
+                expect(found > CHANGED / 10, f"{name} does not show in {shading}: {found:.1e} of change")
+            yield from fresh_lake()
+            bpy.context.scene.lake_water.viewport_samples = 1
+
+
+def check_undo() -> Steps:
+    """Undo and redo of a setting, and of deleting the water."""
+    with Probe() as probe:
+        yield from fresh_lake()
+        first = probe.picture
+        with in_viewport():
+            bpy.ops.ed.undo_push(message="before")
+            bpy.ops.lake_water.set_parameters("EXEC_DEFAULT", True, k=0.01, water_color=(0.4, 0.0, 0.0))
+        yield from settle()
+        second = probe.picture
+        expect(difference(first, second) > CHANGED, "set_parameters does not show")
+        with in_viewport():
+            bpy.ops.ed.undo()
+        yield from settle()
+        expect(difference(first, probe.picture) < CHANGED / 10, "undo of parameters does not show")
+        with in_viewport():
+            bpy.ops.ed.redo()
+        yield from settle()
+        expect(difference(second, probe.picture) < CHANGED / 10, "redo of parameters does not show")
+        bpy.data.objects.remove(water_object())
+        with in_viewport():
+            bpy.ops.ed.undo_push(message="delete")
+        yield from settle()
+        expect(probe.coverage() == 0.0, "deleted water is still drawn")
+        with in_viewport():
+            bpy.ops.ed.undo()
+        yield from settle()
+        expect(probe.coverage() > SEEN, "undo does not bring the water back")
+        with in_viewport():
+            bpy.ops.ed.redo()
+        yield from settle()
+        expect(probe.coverage() == 0.0, "redo does not delete the water again")
+
+
+def check_playback() -> Steps:
+    """Frames play with statistics on, and the water may be deleted meanwhile."""
+    with Probe() as probe:
+        yield from fresh_lake()
+        scene = bpy.context.scene
+        scene.lake_water.show_statistics = True
+        scene.frame_start, scene.frame_end = 1, 1000
+        first = probe.picture
+        with in_viewport():
+            bpy.ops.screen.animation_play()
+        start = time.monotonic()
+        while scene.frame_current < 30 and time.monotonic() - start < 60.0:
+            yield 0.2
+        expect(scene.frame_current >= 30, "playback does not advance")
+        expect(difference(first, probe.picture) > CHANGED, "the waves do not move during playback")
+        expect(len(module("handlers").statistics()) > 4, "no statistics during playback")
+        bpy.data.objects.remove(water_object())
+        yield 1.0
+        with in_viewport():
+            bpy.ops.screen.animation_cancel(restore_frame=False)
+        yield from settle()
+        expect(probe.coverage() == 0.0, "water that was deleted during playback is still drawn")
+
+
+def check_idle() -> Steps:
+    """Nothing is redrawn when nothing happens."""
+    with Probe() as probe, RenderedProbe() as rendered:
+        for shading in ("SOLID", "RENDERED"):
+            yield from fresh_lake(shading)
+            bpy.context.scene.lake_water.show_statistics = True
+            yield from settle(2.0)
+            start = time.monotonic()
+            before = -1
+            while before != probe.draws + rendered.draws and time.monotonic() - start < 30.0:
+                before = probe.draws + rendered.draws  # antialiasing samples come to an end
+                yield 1.5
+            before = probe.draws, rendered.draws
+            yield 3.0
+            after = probe.draws, rendered.draws
+            expect(before == after, f"{shading} is redrawn while nothing happens: {before} -> {after}")
+
+
+def check_files() -> Steps:
+    """Another file, one without water, and a new scene in the same file."""
+    with Probe() as probe, tempfile.TemporaryDirectory() as folder:
+        yield from fresh_lake()
+        path = str(Path(folder) / "lake.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=False)
+        yield from settle()
+        expect(probe.coverage() == 0.0, "water is drawn in a file that has none")
+        bpy.ops.wm.open_mainfile(filepath=path)
+        yield from settle()
+        expect(probe.coverage() > SEEN, "no water in the file that was loaded")
+        window = bpy.context.window_manager.windows[0]
+        lake = window.scene
+        window.scene = empty = bpy.data.scenes.new("Empty")
+        yield from settle()
+        expect(probe.coverage() == 0.0, "water of another scene is drawn")
+        window.scene = lake
+        view3d()[3].region_3d.view_perspective = "CAMERA"
+        yield from settle()
+        expect(probe.coverage() > SEEN, "no water after coming back to its scene")
+        bpy.data.scenes.remove(empty)
+
+
+def check_registration() -> Steps:
+    """Registered and unregistered a hundred times, nothing is left behind."""
+    yield from fresh_lake()
+    with Probe() as probe:
+        yield from settle()
+        expect(probe.coverage() > SEEN, "no water to begin with")
+        before = counts()
+        for _ in range(100):
+            PACKAGE.unregister()
+            redraw()
+            expect(probe.coverage() == 0.0, "water is drawn while the package is not registered")
+            PACKAGE.register()
+            redraw()
+            yield 0.0
+        expect(counts() == before, f"counts of data-blocks and handlers differ: {before} -> {counts()}")
+    with Probe() as probe:  # its order of handlers is the one before
+        yield from settle()
+        expect(probe.coverage() > SEEN, "no water after a hundred registrations")
+
+
+def check_unregister_while_rendered() -> Steps:
+    """The package may go while a viewport shows its engine, and come back."""
+    yield from fresh_lake("RENDERED")
+    PACKAGE.unregister()
+    yield from settle()
+    PACKAGE.register()
+    bpy.context.scene.render.engine = "LAKE_WATER"
+    view3d()[3].shading.type = "RENDERED"
+    with RenderedProbe() as rendered:
+        yield from settle()
+        expect(rendered.draws > 0, "the Rendered viewport does not come back after registration")
+
+
+def check_memory() -> Steps:
+    """300 redraws of moving water take no more memory, in either kind of viewport."""
+    for shading in ("SOLID", "RENDERED"):
+        yield from fresh_lake(shading)
+        sizes = []
+        blocks = counts()
+        for i in range(400):
+            bpy.context.scene.frame_set(i)
+            redraw()
+            if i % 20 == 0:
+                yield 0.0
+            if i in (100, 399):
+                sizes.append(resident_mib())
+        expect(counts() == blocks, f"{shading}: data-blocks or handlers differ: {blocks} -> {counts()}")
+        if sizes[0] is not None:
+            growth = sizes[1] - sizes[0]
+            print(f"lifecycle: {shading}: {sizes[0]:.0f} MiB, {growth:+.1f} MiB after 300 redraws")
+            expect(growth < 10.0, f"{shading}: 300 redraws grow the process by {growth:.1f} MiB")
+
+
+def _render(**options) -> Steps:
+    """One render job of the window, to its end."""
+    ended = []
+
+    def note(*_args) -> None:
+        ended.append(True)
+
+    ends = (bpy.app.handlers.render_complete, bpy.app.handlers.render_cancel)
+    for handlers in ends:
+        handlers.append(note)
+    try:
+        with in_viewport():
+            bpy.ops.render.render("INVOKE_DEFAULT", **options)
+        start = time.monotonic()
+        while not ended and time.monotonic() - start < 120.0:
+            yield 0.1
+        while bpy.app.is_job_running("RENDER"):
+            yield 0.1
+    finally:
+        for handlers in ends:
+            handlers.remove(note)
+    expect(bool(ended), "the render job does not end")
+    report = module("engine").last_render_report()
+    expect(report is not None and report["error"] is None, f"the render failed: {report}")
+
+
+def _result(folder: str) -> np.ndarray:
+    """The last render as (h, w, 4), scene-linear."""
+    settings = bpy.context.scene.render.image_settings
+    settings.file_format = "OPEN_EXR"
+    settings.color_mode = "RGBA"
+    path = str(Path(folder) / "result.exr")
+    bpy.data.images["Render Result"].save_render(path)
+    image = bpy.data.images.load(path)
+    try:
+        width, height = image.size
+        pixels = np.empty(width * height * 4, np.float32)
+        image.pixels.foreach_get(pixels)
+    finally:
+        bpy.data.images.remove(image)
+    return pixels.reshape(height, width, 4)
+
+
+def check_final_render() -> Steps:
+    """F12 twice, with a border, cropped or not, a percentage, an animation, beside a Rendered viewport."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield from fresh_lake("RENDERED")
+        scene = bpy.context.scene
+        render = scene.render
+        render.resolution_x, render.resolution_y = 240, 130
+        scene.lake_water.samples = 2
+        yield from _render()
+        whole = _result(folder)
+        expect(whole.shape == (130, 240, 4) and np.ptp(whole[..., 1]) > 0.1, "F12 gives no picture")
+        yield from _render()
+        expect(np.array_equal(whole, _result(folder)), "a second F12 gives another picture")
+
+        render.use_border = True
+        # 0.7 of 130 pixels is 91 in float32 and a little less in float64.
+        render.border_min_x, render.border_max_x = 0.2, 0.6
+        render.border_min_y, render.border_max_y = 0.1, 0.7
+        part = whole[13:91, 48:144]
+        yield from _render()
+        uncropped = _result(folder)
+        expect(uncropped.shape == whole.shape, "a border without crop changes the size")
+        expect(bool((uncropped[13:91, 48:144, 3] > 0.0).all()), "a border render leaves pixels out")
+        expect(float(uncropped[:13].max()) == 0.0, "a border render draws outside of the border")
+        expect(difference(part, uncropped[13:91, 48:144]) < 1e-3, "a border render differs from the whole")
+        render.use_crop_to_border = True
+        yield from _render()
+        expect(difference(part, _result(folder)) < 1e-3, "a cropped border render differs from the whole")
+        render.use_border = render.use_crop_to_border = False
+
+        render.resolution_percentage = 50
+        yield from _render()
+        expect(_result(folder).shape == (65, 120, 4), "50 % give another size")
+        scene.frame_start, scene.frame_end = 5, 7
+        render.filepath = str(Path(folder) / "frame_####")
+        yield from _render(animation=True)
+        names = sorted(path.name for path in Path(folder).glob("frame_*"))
+        expect(names == [f"frame_000{n}.exr" for n in (5, 6, 7)], f"frames written: {names}")
+
+
+# Running them
+
+
+def run(names: list[str]) -> Steps:
+    """All checks in turn; ends the process."""
+    failed = []
+    for name in names:
+        start = time.monotonic()
+        try:
+            yield from CHECKS[name]()
+            verdict = "ok"
+        except Exception as error:
+            failed.append(name)
+            verdict = f"FAILED: {error}"
+            if not isinstance(error, CheckError):
+                traceback.print_exc()
+        print(f"lifecycle: {name}: {verdict} ({time.monotonic() - start:.0f} s)", flush=True)
+    printed = STDERR.text()
+    if "Traceback" in printed or "Python script error" in printed:
+        failed.append("stderr")
+        print("lifecycle: errors were printed, see above", flush=True)
+    print(f"lifecycle: {'failed: ' + ', '.join(failed) if failed else 'all passed'}", flush=True)
+    STDERR.close()
+    os._exit(1 if failed else 0)  # wm.quit_blender has no exit status, and asks about unsaved changes
+
+
+class CapturedStderr:
+    """What this process writes to stderr, Blender's own code included; shown again by close()."""
+
+    def __init__(self) -> None:
+        self._file = tempfile.TemporaryFile()
+        self._original = os.dup(2)
+        os.dup2(self._file.fileno(), 2)
+
+    def text(self) -> str:
+        sys.stderr.flush()
+        self._file.seek(0)
+        return self._file.read().decode(errors="replace")
+
+    def close(self) -> None:
+        text = self.text()
+        os.dup2(self._original, 2)
+        os.write(2, text.encode())
+
+
+CHECKS: dict[str, Callable[[], Steps]] = {
+    name.removeprefix("check_"): value for name, value in list(globals().items()) if name.startswith("check_")
+}
+
+if __name__ == "__main__":
+    wanted = (sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []) or list(CHECKS)
+    unknown = [name for name in wanted if name not in CHECKS]
+    if unknown or bpy.app.background:
+        reason = f"no check named {unknown[0]}" if unknown else "needs Blender's window: run without -b"
+        print(f"lifecycle: {reason}; there are {', '.join(CHECKS)}", file=sys.stderr)
+        sys.stderr.flush()
+        os._exit(2)
+    bpy.context.preferences.use_preferences_save = False  # what follows is for this session only
+    bpy.context.preferences.view.show_splash = False
+    PACKAGE = load_package()
+    STDERR = CapturedStderr()
+    sequence = run(wanted)
+    # Persistent: files are loaded on the way.
+    bpy.app.timers.register(lambda: next(sequence), first_interval=0.5, persistent=True)
