@@ -11,8 +11,10 @@ import time
 import traceback
 
 import bpy
+import gpu
 import numpy as np
 
+from .borders import picture_window, view_window
 from .core.plan import pixel_jitter
 from .core.snapshot import Camera, SceneSnapshot
 from .extract import camera_from_object, camera_from_view
@@ -51,20 +53,6 @@ def release_final_host() -> None:
     """Forget what final renders keep from frame to frame (another file, another job)."""
     if _state is not None:
         _state.final = None
-
-
-def picture_window(render: bpy.types.RenderSettings, width: int, height: int) -> tuple[int, int, int, int]:
-    """Border render: (left, bottom, right, top) in pixels of the part that is drawn.
-
-    Multiplies and truncates in float32 as Blender does, so that the size agrees with the one it expects.
-    """
-    if not render.use_border:
-        return 0, 0, width, height
-    borders = np.array(
-        [render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y], np.float32
-    )
-    left, bottom, right, top = (borders * np.array([width, height] * 2, np.float32)).astype(int).tolist()
-    return left, bottom, max(right, left + 1), max(top, bottom + 1)
 
 
 class LakeWaterRenderEngine(bpy.types.RenderEngine):
@@ -175,12 +163,24 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         if self._viewport is None:
             self._viewport = Host()
         host, renderer, scene = self._viewport, self._viewport.renderer, depsgraph.scene
-        size = (context.region.width, context.region.height)
+        region = context.region
+        left, bottom, right, top = border = view_window(
+            context.space_data, region, context.region_data, depsgraph
+        )
+        whole, size = (region.width, region.height), (right - left, top - bottom)
+        window = (left / whole[0], bottom / whole[1], right / whole[0], top / whole[1])
         host.begin(size)
         timer = PassTimer(enabled=scene.lake_water.show_statistics)
         snapshot = host.view_snapshot(depsgraph, context.space_data)
         camera = camera_from_view(context.region_data)
-        state = (snapshot.version, snapshot.time, size, camera.view.tobytes(), camera.projection.tobytes())
+        state = (
+            snapshot.version,
+            snapshot.time,
+            whole,
+            border,
+            camera.view.tobytes(),
+            camera.projection.tobytes(),
+        )
         samples = scene.lake_water.viewport_samples
         picture = picture_target(renderer.targets, "view", size)
         mean = mean_target(renderer.targets, "view", size)
@@ -189,14 +189,17 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
             mean.colors[0].clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
         drawn = self._samples_done < samples
         if drawn:
-            plan = host.plan(snapshot, camera, scene, jitter=pixel_jitter(self._samples_done, samples, *size))
+            jitter = pixel_jitter(self._samples_done, samples, *whole)
+            plan = host.plan(snapshot, camera, scene, window=window, jitter=jitter)
             renderer.draw_picture(plan, picture, timer, transparent=scene.render.film_transparent)
             renderer.mean.add(picture, mean, 1.0)
             self._samples_done += 1
             if self._samples_done < samples:
                 self.tag_redraw()
         # Blender's viewport is scene-linear here and goes through its own colour management afterwards.
+        gpu.state.viewport_set(left, bottom, *size)
         renderer.mean.show(mean, 1.0 / self._samples_done)
+        gpu.state.viewport_set(0, 0, *whole)
         if drawn:  # else it is only shown again, and that took no time worth telling
             host.finish(timer, time.perf_counter() - start)
         _state.viewport_statistics = host.statistics()

@@ -11,6 +11,8 @@ from __future__ import annotations
 import time
 import traceback
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import blf
 import bpy
@@ -18,6 +20,7 @@ import gpu
 from gpu.types import GPUTexture
 
 from . import handlers
+from .borders import view_window
 from .display import bake_view_transform, view_settings_key
 from .engine import LakeWaterRenderEngine, viewport_statistics
 from .extract import camera_from_view
@@ -78,6 +81,25 @@ def _leaves_depth(context: bpy.types.Context) -> bool:
     return space.shading.type != "RENDERED" or context.engine == "BLENDER_WORKBENCH"
 
 
+@contextmanager
+def _inside_border(context: bpy.types.Context) -> Iterator[None]:
+    """Draw only where EEVEE and Cycles draw when the view has a render border."""
+    region, space = context.region, context.space_data
+    left, bottom, right, top = 0, 0, region.width, region.height
+    if space.shading.type in {"MATERIAL", "RENDERED"}:
+        depsgraph = context.evaluated_depsgraph_get()
+        left, bottom, right, top = view_window(space, region, context.region_data, depsgraph)
+    if (left, bottom, right, top) == (0, 0, region.width, region.height):
+        yield
+        return
+    gpu.state.scissor_test_set(True)
+    gpu.state.scissor_set(left, bottom, right - left, top - bottom)
+    try:
+        yield
+    finally:
+        gpu.state.scissor_test_set(False)
+
+
 def _draw_water() -> None:
     """POST_VIEW: Blender's picture and its depth are in the bound framebuffer."""
     context = bpy.context
@@ -118,9 +140,10 @@ def _draw(context: bpy.types.Context) -> None:
         _state.textures_of = None
         host.renderer.draw_textures(plan, timer)
         _state.textures_of = textures_of
-    if not _leaves_depth(context):
-        host.renderer.draw_depth(plan, timer, framebuffer)
-    host.renderer.draw_water(plan, timer, framebuffer, table)
+    with _inside_border(context):
+        if not _leaves_depth(context):
+            host.renderer.draw_depth(plan, timer, framebuffer)
+        host.renderer.draw_water(plan, timer, framebuffer, table)
     host.finish(timer, time.perf_counter() - start)
 
 

@@ -576,6 +576,36 @@ def _result(folder: str) -> np.ndarray:
     return pixels.reshape(height, width, 4)
 
 
+def check_view_border() -> Steps:
+    """A render border of the view, or of the camera seen through, limits what is drawn."""
+    with Probe() as probe, RenderedProbe() as rendered:
+        yield from fresh_lake("MATERIAL")
+        _, _, region, space = view3d()
+        render = bpy.context.scene.render
+        low, high = 0.3, 0.6
+        for owner in (space, render):
+            prefix = "render_border" if owner == space else "border"
+            for axis in "xy":
+                setattr(owner, f"{prefix}_min_{axis}", low)
+                setattr(owner, f"{prefix}_max_{axis}", high)
+        render.use_border = True
+        yield from settle()
+        inside = np.argwhere(probe.picture[..., 3] > 0.0)
+        seen = np.ptp(inside, axis=0) + 1
+        expect(bool((seen < (0.31 * region.height, 0.31 * region.width)).all()), f"water outside: {seen}")
+        space.shading.type = "RENDERED"
+        yield from settle()
+        camera = rendered.picture.shape
+        expect(camera[1] <= 0.31 * region.width, f"the camera's border is not the picture's: {camera}")
+        render.use_border = False
+        space.region_3d.view_perspective = "PERSP"
+        space.use_render_border = True
+        yield from settle()
+        wanted = round(0.3 * region.height), round(0.3 * region.width)
+        got = rendered.picture.shape[:2]
+        expect(abs(got[0] - wanted[0]) <= 1 and abs(got[1] - wanted[1]) <= 1, f"border {wanted}, drawn {got}")
+
+
 def check_final_render() -> Steps:
     """F12 twice, with a border, cropped or not, a percentage, an animation, beside a Rendered viewport."""
     with tempfile.TemporaryDirectory() as folder:
