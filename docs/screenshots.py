@@ -30,17 +30,6 @@ SHADING = {
     "viewport_material_preview": "MATERIAL",
     "viewport_rendered": "RENDERED",
 }
-CLUTTER = (
-    "show_floor",
-    "show_axis_x",
-    "show_axis_y",
-    "show_cursor",
-    "show_extras",
-    "show_object_origins",
-    "show_outline_selected",
-    "show_relationship_lines",
-    "show_text",
-)
 SETTLE = 0.2  # seconds that Blender gets to handle events between two steps
 
 
@@ -146,8 +135,8 @@ def steps(options: argparse.Namespace) -> Iterator[float]:
     redraw()  # the tabs of a sidebar are known once it was drawn
     next(region for region in area.regions if region.type == "UI").active_panel_category = TAB
     space.region_3d.view_perspective = "CAMERA"
-    for name in CLUTTER:  # not all overlays at once: then Material Preview leaves no depth to draw against
-        setattr(space.overlay, name, False)
+    space.overlay.show_overlays = False
+    space.shading.use_scene_lights = space.shading.use_scene_world = True  # in Material Preview
     with in_viewport():
         bpy.ops.object.select_all(action="DESELECT")
         bpy.ops.view3d.view_center_camera()

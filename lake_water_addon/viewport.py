@@ -48,6 +48,7 @@ class _State:
         """Drop what was taken from the scene; GPU objects are freed with it."""
         self.host = None
         self.textures_of = None
+        self.wanted_table = None  # loading a file drops the timer that would bake it
         self.error = None
 
 
