@@ -3,7 +3,7 @@
 
     blender --factory-startup -P tests/gui/lifecycle.py [-- NAME ...]
 
-Needs a Blender with a window (Xvfb will do) and takes some minutes with software OpenGL. Without names all
+Needs a Blender with a window (Xvfb will do) and takes seven minutes with software OpenGL. Without names all
 checks run. Uses the installed extension where it is enabled, else this checkout's package.
 Exit status: 0 when every check passed, 1 when one failed, 2 for an unknown name.
 """
@@ -487,13 +487,23 @@ def check_registration() -> Steps:
         yield from settle()
         expect(probe.coverage() > SEEN, "no water to begin with")
         before = counts()
-        for _ in range(100):
+        sizes = {}
+        for i in range(100):
+            sizes[i] = resident_mib()
             PACKAGE.unregister()
             redraw()
             expect(probe.coverage() == 0.0, "water is drawn while the package is not registered")
             PACKAGE.register()
+            start = time.monotonic()
+            while module("viewport")._state.host is None and time.monotonic() - start < 10.0:
+                redraw()
+                yield 0.0
+            expect(module("viewport")._state.host is not None, f"the handler does not draw, time {i}")
             redraw()
-            yield 0.0
+        if sizes[99] is not None:
+            growth = sizes[99] - sizes[20]
+            print(f"lifecycle: {sizes[20]:.0f} MiB, {growth:+.1f} MiB after 80 registrations")
+            expect(growth < 40.0, f"80 registrations grow the process by {growth:.1f} MiB")
         expect(counts() == before, f"counts of data-blocks and handlers differ: {before} -> {counts()}")
     with Probe() as probe:  # its order of handlers is the one before
         yield from settle()
