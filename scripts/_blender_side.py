@@ -265,8 +265,8 @@ def _set_picture(scene: bpy.types.Scene, options: Namespace, generated: bool, no
             _require_range(render.bl_rna.properties[name], pixels, "--resolution")
             setattr(render, name, pixels)
         render.resolution_percentage = 100
-    scale = render.resolution_percentage / 100.0
-    width, height = int(render.resolution_x * scale), int(render.resolution_y * scale)
+    width = render.resolution_x * render.resolution_percentage // 100  # as Blender rounds
+    height = render.resolution_y * render.resolution_percentage // 100
     limit = max_picture_size()
     if max(width, height) > limit:
         raise UsageProblem(
