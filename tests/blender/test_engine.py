@@ -221,5 +221,5 @@ def test_only_what_changed_is_uploaded_again(pool, blender, tmp_path):
     water = blender.data.objects["Pool"]
     assert made_by(lambda: setattr(water.lake_water, "k", 0.1)) == {}, "a setting uploads nothing"
     cube = blender.data.objects["Cube"]
-    assert made_by(lambda: setattr(cube, "location", (2, 1, 0))) == {"textures": 1}, "matrices are one texture"
+    assert made_by(lambda: setattr(cube, "location", (2, 1, 0))) == {"textures": 1}, "its matrix is a texture"
     assert made_by(move_vertex) == {"buffers": 1, "batches": 1, "textures": 1}, "one mesh and its matrices"
