@@ -19,6 +19,5 @@ void main()
 #endif
   v_position = flat_point + vec3(0.0, 0.0, wave_height(flat_point.xy - water.plane.xy));
   vec3 in_camera = transform_point(pass_view.view, v_position);
-  v_depth = -in_camera.z;
   gl_Position = pass_view.projection * vec4(in_camera, 1.0);
 }

@@ -56,6 +56,7 @@ class FrameRenderer:
         self._water = WaterPainter(self.resources, self.library, self.scene)
         self.mean = SampleMean(self.resources, self.library)
         self._blocks: dict[tuple, UniformBlock] = {}
+        self._bodies = 0
 
     def _block(self, *key) -> UniformBlock:
         if key not in self._blocks:
@@ -65,6 +66,10 @@ class FrameRenderer:
     def upload(self, plan: FramePlan) -> GPUUniformBuf:
         """Bring the GPU's copy of the scene up to date; returns the lights' buffer."""
         self.scene.update(plan.snapshot, plan.origin)
+        bodies = len(plan.snapshot.waters)
+        for gone in range(bodies, self._bodies):
+            textures.free_targets(self.targets, gone)
+        self._bodies = bodies
         return self._block("lights").update(*uniforms.lights(plan.snapshot))
 
     def draw_textures(self, plan: FramePlan, timer: PassTimer) -> None:

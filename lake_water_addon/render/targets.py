@@ -65,10 +65,10 @@ class Targets:
         self._targets[key] = (description, target)
         return target
 
-    def keep_only(self, keys: set[Hashable]) -> None:
-        """Free every target whose key is not in `keys`."""
-        for key in [k for k in self._targets if k not in keys]:
-            del self._targets[key]
+    def discard(self, key: Hashable) -> None:
+        """Free a target; one that was never made is no error."""
+        self._targets.pop(key, None)
 
-    def clear(self) -> None:
-        self._targets.clear()
+    def keys(self) -> set[Hashable]:
+        """Names of the targets that there are."""
+        return set(self._targets)

@@ -561,3 +561,16 @@ def test_reflection_is_drawn_wherever_it_is_looked_up(renderer, c):
         body = plan.bodies[0]
         whole = replace(body, reflection=replace(body.reflection, region=(0.0, 0.0, 1.0, 1.0)))
         np.testing.assert_array_equal(part, draw_plan(renderer, replace(plan, bodies=(whole,))))
+
+
+def test_textures_of_a_deleted_body_are_freed(renderer):
+    """And those of the body that stays are not made again."""
+    scene = scenes.pond()
+    (body,) = scene.waters
+    two = replace(scene, version=-11, waters=(body, replace(body, key="other")))
+    draw(renderer, two, VIEW)
+    keys = {("refraction", 1), ("reflection", 1)}
+    assert keys <= renderer.targets.keys()
+    draw(renderer, replace(scene, version=-12), VIEW)
+    assert not keys & renderer.targets.keys()
+    assert ("refraction", 0) in renderer.targets.keys()

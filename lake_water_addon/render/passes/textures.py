@@ -28,6 +28,12 @@ def reflection_target(targets: Targets, body: int, size: int) -> Target:
     return targets.get(("reflection", body), (size, size), ("RGBA16F",), filtered=(True,))
 
 
+def free_targets(targets: Targets, body: int) -> None:
+    """Free both textures of a water body that is gone."""
+    targets.discard(("refraction", body))
+    targets.discard(("reflection", body))
+
+
 def draw_refraction(
     painter: GeometryPainter,
     planned: TexturePass,

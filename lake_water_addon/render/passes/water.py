@@ -40,7 +40,7 @@ def water_spec(*, grid: bool, technique: str, display_referred: bool) -> tuple[S
         vertex="water_vert.glsl",
         fragment="water_frag.glsl",
         vertex_in=(("VEC2", "cell"),) if grid else (("VEC3", "position"), ("VEC3", "normal")),
-        varyings=(("VEC3", "v_position"), ("VEC2", "v_slope"), ("FLOAT", "v_depth")),
+        varyings=(("VEC3", "v_position"), ("VEC2", "v_slope")),
         uniform_buffers=(("Lights", "lights"), ("View", "pass_view"), ("Water", "water")),
         samplers=tuple(samplers),
         push_constants=tuple(push_constants),
