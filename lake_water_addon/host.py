@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import bpy
 
 from .core.plan import FramePlan, plan_frame
+from .core.settings import FrameSettings
 from .core.snapshot import Camera, SceneSnapshot
 from .extract import SceneExtractor, view_visibility
 from .render.frame import FrameRenderer, PassTimer
@@ -46,6 +47,12 @@ class FrameReport:
         }
 
 
+def frame_settings(scene: bpy.types.Scene) -> FrameSettings:
+    """The scene's settings of the picture as plain data."""
+    settings = scene.lake_water
+    return FrameSettings(**{f.name: getattr(settings, f.name) for f in fields(FrameSettings)})
+
+
 class Host:
     """Extraction and rendering for one graphics context."""
 
@@ -77,16 +84,7 @@ class Host:
     def plan(self, snapshot: SceneSnapshot, camera: Camera, scene: bpy.types.Scene, **options) -> FramePlan:
         """Plan with the scene's settings, timed. options: those of `plan_frame`."""
         start = time.perf_counter()
-        settings = scene.lake_water
-        plan = plan_frame(
-            snapshot,
-            camera,
-            fov_ext=settings.fov_ext,
-            texture_size=settings.texture_size,
-            intersection_steps=settings.intersection_steps,
-            technique=settings.technique,
-            **options,
-        )
+        plan = plan_frame(snapshot, camera, frame_settings(scene), **options)
         self.report.planning_s += time.perf_counter() - start
         self.report.water_drawn = tuple(
             f"{body.body.name}: {'drawn' if body.drawn else 'not drawn'}, {body.reason}"

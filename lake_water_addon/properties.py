@@ -20,7 +20,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from .core.techniques import DEFAULT_TECHNIQUE, TECHNIQUES
+from .core.settings import DEFAULTS
+from .core.techniques import TECHNIQUES
 from .registration import register_classes, unregister_classes
 
 
@@ -87,7 +88,7 @@ FOV_EXT = {
     "description": "FOV_ext: how much wider the refraction and reflection textures see than the camera, as "
     "a factor of the tangent of half the field of view. More finds what waves bend in from outside the "
     "picture, and makes both textures coarser by the same factor. 1.5 near the water, 1.2 far from it",
-    "default": 1.5,
+    "default": DEFAULTS.fov_ext,
     "min": 1.0,
     "max": 10.0,
     "soft_max": 3.0,
@@ -252,7 +253,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         name="Technique",
         description="How the water is computed",
         items=[(key, t.label, t.description) for key, t in TECHNIQUES.items()],
-        default=DEFAULT_TECHNIQUE,
+        default=DEFAULTS.technique,
         **NOTIFY,
     )
     fov_ext: FloatProperty(**FOV_EXT, **NOTIFY)
@@ -260,7 +261,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         name="Texture Size",
         description="Width and height of the refraction and reflection textures in pixels. Larger is "
         "sharper under water; time and memory grow with the square",
-        default=512,
+        default=DEFAULTS.texture_size,
         min=16,
         max=8192,
         soft_min=128,
@@ -273,10 +274,133 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         description="Steps of the search for the point where a refracted ray meets the bottom: the main dial "
         "between speed and accuracy. 1 looks straight through the surface, 2 bends the sight towards a level "
         "bottom, 3 is the thesis's choice, more helps where the bottom is uneven",
-        default=3,
+        default=DEFAULTS.intersection_steps,
         min=1,
         max=16,
         soft_max=8,
+        **NOTIFY,
+    )
+    use_caustics: BoolProperty(
+        name="Caustics",
+        description="Light that the waves focus on the bottom. Without it the sun reaches the bottom as "
+        "through a calm surface. Costs a pass over the water from the sun and a sum over all "
+        "photons whenever the waves move",
+        default=DEFAULTS.use_caustics,
+        **NOTIFY,
+    )
+    caustics_method: EnumProperty(
+        name="Caustics Method",
+        description="How the photons are added up. All three give the same light",
+        items=(
+            ("AUTO", "Automatic", "The fastest that this graphics card supports"),
+            ("CPU", "CPU", "Photons are read back and added by the processor: slow, works everywhere"),
+            ("GPU_POINTS", "GPU Points", "Photons are drawn as points that are blended"),
+            (
+                "GPU_COMPUTE",
+                "GPU Compute",
+                "Photons are added in whole numbers by a compute shader: the fastest, and the same to the "
+                "bit in every run",
+            ),
+        ),
+        default=DEFAULTS.caustics_method,
+        **NOTIFY,
+    )
+    caustics_size: IntProperty(
+        name="Caustics Size",
+        description="Width and height of the caustics texture in pixels. Larger shows finer lines of light",
+        default=DEFAULTS.caustics_size,
+        min=16,
+        max=4096,
+        soft_min=128,
+        soft_max=2048,
+        subtype="PIXEL",
+        **NOTIFY,
+    )
+    photon_size: IntProperty(
+        name="Photons per Side",
+        description="Photons along each side of the lit surface. More makes thin lines of light smoother; "
+        "the cost grows with the square",
+        default=DEFAULTS.photon_size,
+        min=16,
+        max=4096,
+        soft_min=128,
+        soft_max=2048,
+        **NOTIFY,
+    )
+    caustics_steps: IntProperty(
+        name="Caustics Steps",
+        description="Steps of the search for the point where a photon meets the bottom. 1 is the thesis's "
+        "choice and exact for calm water; more helps where the bottom is uneven",
+        default=DEFAULTS.caustics_steps,
+        min=1,
+        max=16,
+        soft_max=8,
+        **NOTIFY,
+    )
+    use_shadows: BoolProperty(
+        name="Sun Shadows",
+        description="Shadows of the sun, on dry land and under water. Costs a pass over the scene from the "
+        "sun when the scene or the view changes much, and a few lookups in each pixel",
+        default=DEFAULTS.use_shadows,
+        **NOTIFY,
+    )
+    light_depth_size: IntProperty(
+        name="Light Depth Size",
+        description="Width and height of the depth textures as seen from the sun, for shadows and caustics. "
+        "Larger gives sharper shadows",
+        default=DEFAULTS.light_depth_size,
+        min=16,
+        max=8192,
+        soft_min=256,
+        soft_max=4096,
+        subtype="PIXEL",
+        **NOTIFY,
+    )
+    use_glow: BoolProperty(
+        name="Sun Glow",
+        description="Star-shaped glow around the sun's mirror image in the waves. Costs a small picture of "
+        "the water, and nothing while the sun's mirror image is out of view",
+        default=DEFAULTS.use_glow,
+        **NOTIFY,
+    )
+    glow_strength: FloatProperty(
+        name="Glow Strength",
+        description="Brightness of the glow, scene-linear",
+        default=DEFAULTS.glow_strength,
+        min=0.0,
+        max=1000.0,
+        soft_max=10.0,
+        step=10,
+        precision=2,
+        **NOTIFY,
+    )
+    glow_exponent: FloatProperty(
+        name="Glow Exponent",
+        description="How small the sun's mirror image is: more is smaller",
+        default=DEFAULTS.glow_exponent,
+        min=1.0,
+        max=100000.0,
+        soft_min=10.0,
+        soft_max=2000.0,
+        step=1000,
+        precision=0,
+        **NOTIFY,
+    )
+    glow_threshold: FloatProperty(
+        name="Glow Threshold",
+        description="Brightness of the mirror image, 0 to 1, below which nothing glows",
+        default=DEFAULTS.glow_threshold,
+        min=0.0,
+        max=1.0,
+        step=1,
+        precision=3,
+        **NOTIFY,
+    )
+    use_exact_under_water: BoolProperty(
+        name="Exact Under Water",
+        description="Seen from under water, refract exactly: the world above shrinks to Snell's window, with "
+        "total reflection around it. Off: the thesis's approximation, which shows the world above everywhere",
+        default=DEFAULTS.use_exact_under_water,
         **NOTIFY,
     )
     samples: IntProperty(

@@ -134,8 +134,7 @@ def _draw(context: bpy.types.Context) -> None:
         snapshot.time,
         plan.camera.view.tobytes(),
         plan.camera.projection.tobytes(),
-        plan.fov_ext,
-        plan.texture_size,
+        plan.settings,
     )
     if textures_of != _state.textures_of or timer.enabled:  # whoever asks for times wants all of them
         _state.textures_of = None

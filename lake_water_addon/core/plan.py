@@ -13,13 +13,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import cameras, waves
-from .snapshot import Camera, SceneSnapshot, WaterBody
+from . import cameras, optics, waves
+from .light import (
+    LightCamera,
+    box_corners,
+    light_camera,
+    seen_through,
+    sunlight_in_water,
+    visible_part_of_box,
+)
+from .settings import FrameSettings
+from .snapshot import Camera, SceneSnapshot, Sun, WaterBody
 
 CLIP_CLEARANCE = 0.02
 """m: how far the clip planes lie beyond the highest (lowest) wave, the thesis's "little bit"."""
 
 WHOLE = (0.0, 0.0, 1.0, 1.0)
+
+Bounds = tuple[np.ndarray, np.ndarray]
+"""Lowest and highest corner (3,) of a box, in render space."""
+
+LEAST_SEEN = 1.0 / 256.0
+"""Part of the light that is left where the water ends the view: beyond, no caustics are needed."""
+
+LEAST_SUN = 1e-3
+"""Least z of the direction to a sun that lights the water: at 0.06 degrees all of it is reflected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +67,20 @@ class TexturePass:
 
 
 @dataclass(frozen=True, eq=False)
+class WaterLight:
+    """Sunlight below one water surface. camera: along it; what lies below `clip_height` is in its picture.
+
+    bending: s.z / |r.z|, irradiance across a beam in the water over that of the same beam in the air;
+    transmittance: 1 - F at the flat surface.
+    """
+
+    camera: LightCamera
+    clip_height: float
+    bending: float
+    transmittance: float
+
+
+@dataclass(frozen=True, eq=False)
 class BodyPlan:
     """One water body in one view. origin: (3,) of the water frame in render space."""
 
@@ -59,20 +91,22 @@ class BodyPlan:
     reflection: TexturePass
     drawn: bool
     reason: str
+    light: WaterLight | None
 
 
 @dataclass(frozen=True, eq=False)
 class FramePlan:
-    """One view of one snapshot. origin: (3,) float64, world position of render space's origin."""
+    """One view of one snapshot. origin: (3,) float64, world position of render space's origin.
+
+    shadow: the camera along the sun for the shadows of what stands above the water, or None.
+    """
 
     snapshot: SceneSnapshot
     origin: np.ndarray
     camera: Camera
     bodies: tuple[BodyPlan, ...]
-    texture_size: int
-    fov_ext: float
-    intersection_steps: int
-    technique: str
+    settings: FrameSettings
+    shadow: LightCamera | None
 
     def without_water(self) -> FramePlan:
         """The same picture with no water in it, to compare with."""
@@ -101,11 +135,8 @@ def rebase_view(view: np.ndarray, origin: np.ndarray) -> np.ndarray:
 def plan_frame(
     snapshot: SceneSnapshot,
     camera: Camera,
+    settings: FrameSettings,
     *,
-    fov_ext: float,
-    texture_size: int,
-    intersection_steps: int,
-    technique: str = "LAKE",
     window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
     jitter: tuple[float, float] = (0.0, 0.0),
 ) -> FramePlan:
@@ -119,32 +150,37 @@ def plan_frame(
     origin = render_origin(snapshot)
     shift = np.eye(4)
     shift[:2, 3] = jitter
-    whole = Camera(rebase_view(camera.view, origin), shift @ camera.projection)
+    # Light cameras follow the whole picture without its jitter: one fit serves all samples and borders.
+    steady = Camera(rebase_view(camera.view, origin), camera.projection)
+    whole = replace(steady, projection=shift @ camera.projection)
     drawn = replace(whole, projection=cameras.crop(whole.projection, *window))
+    bounds = _bounds(snapshot, origin)
     bodies = tuple(
-        _plan_body(body, snapshot, whole, drawn, origin, fov_ext, technique) for body in snapshot.waters
+        _plan_body(body, snapshot, steady, whole, drawn, origin, bounds, settings) for body in snapshot.waters
     )
-    return FramePlan(snapshot, origin, drawn, bodies, texture_size, fov_ext, intersection_steps, technique)
+    shadow = _plan_shadow(snapshot.sun, steady, bodies, bounds, settings)
+    return FramePlan(snapshot, origin, drawn, bodies, settings, shadow)
 
 
 def _plan_body(
     body: WaterBody,
     snapshot: SceneSnapshot,
+    steady: Camera,
     whole: Camera,
     drawn: Camera,
     origin: np.ndarray,
-    fov_ext: float,
-    technique: str,
+    bounds: Bounds | None,
+    settings: FrameSettings,
 ) -> BodyPlan:
-    settings = body.settings
+    optics_of = body.settings
     at = body.matrix[:3, 3] - origin
     level = float(at[2])
-    n12 = 1.0 / settings.ior
-    highest = waves.max_height(settings.waves) + CLIP_CLEARANCE
-    packed = waves.pack(settings.waves[: waves.MAX_WAVES], snapshot.time, settings.depth, body.heading)
+    n12 = 1.0 / optics_of.ior
+    highest = waves.max_height(optics_of.waves) + CLIP_CLEARANCE
+    packed = waves.pack(optics_of.waves[: waves.MAX_WAVES], snapshot.time, optics_of.depth, body.heading)
 
-    visible, reason = _visibility(body, at, highest, packed, drawn)
-    wide = cameras.widen(whole.projection, fov_ext)
+    visible, reason = _visibility(body, snapshot, at, highest, packed, drawn)
+    wide = cameras.widen(whole.projection, settings.fov_ext)
     refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
     refraction = TexturePass(
         "refraction",
@@ -166,19 +202,133 @@ def _plan_body(
         clear_height=level + highest,
         drawn=visible,
         reason=f"what it mirrors: {reason}",
-        region=_reflection_region(body, at, highest, drawn, wide @ mirrored) if visible else WHOLE,
+        region=_reflection_region(body, snapshot, at, highest, drawn, wide @ mirrored) if visible else WHOLE,
     )
-    return BodyPlan(body, at, packed, refraction, reflection, visible, reason)
+    light = None
+    if visible and bounds is not None and snapshot.sun is not None:
+        light = _plan_light(body, snapshot, steady, at, highest, bounds, settings)
+    return BodyPlan(body, at, packed, refraction, reflection, visible, reason, light)
+
+
+def _bounds(snapshot: SceneSnapshot, origin: np.ndarray) -> Bounds | None:
+    """The box around all that is drawn; None without any."""
+    draws = [draw for draw in snapshot.draws if len(snapshot.meshes[draw.mesh].positions)]
+    if not draws:
+        return None
+    counts = [len(draw.matrices) for draw in draws]
+    corners = np.array([snapshot.meshes[draw.mesh].bounds for draw in draws])
+    center = np.repeat(corners.mean(axis=1), counts, axis=0)
+    half = np.repeat(0.5 * (corners[:, 1] - corners[:, 0]), counts, axis=0)
+    matrices = np.concatenate([draw.matrices for draw in draws])
+    middle = np.einsum("nij,nj->ni", matrices[:, :3, :3], center) + matrices[:, :3, 3] - origin
+    reach = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
+    return (middle - reach).min(axis=0), (middle + reach).max(axis=0)
+
+
+def _plan_light(
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    camera: Camera,
+    at: np.ndarray,
+    highest: float,
+    bounds: Bounds,
+    settings: FrameSettings,
+) -> WaterLight | None:
+    """Sunlight in the part of the water that the view sees; None when the sun does not reach it."""
+    sun = snapshot.sun.direction
+    if sun[2] < LEAST_SUN or bounds[0][2] >= at[2] + highest:
+        return None
+    n12 = 1.0 / body.settings.ior
+    level = float(at[2])
+    depth = max(level - float(bounds[0][2]), highest)
+    reach = -np.log(LEAST_SEEN) / max(body.settings.k, 1e-9)
+    points = _seen_in_water(body, snapshot, camera, at, highest, min(depth, reach), n12)
+    if len(points) == 0:
+        return None
+    direction = sunlight_in_water(sun, n12)
+    slope = min(sum(2.0 * np.pi * abs(w.amplitude) / w.wavelength for w in body.settings.waves), 1.0)
+    clip_height = level + highest
+    sunken = (bounds[0], np.append(bounds[1][:2], min(bounds[1][2], clip_height)))
+    # Waves turn a ray of sunlight by at most about half their slope.
+    margin = highest + 0.5 * slope * min(depth, reach)
+    fresnel = optics.schlick(sun[2], optics.reflectance_at_normal(n12), body.settings.q)
+    return WaterLight(
+        light_camera(direction, points, sunken, settings.light_depth_size, margin),
+        clip_height,
+        float(sun[2] / -direction[2]),
+        float(1.0 - fresnel),
+    )
+
+
+def _seen_in_water(
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    camera: Camera,
+    at: np.ndarray,
+    highest: float,
+    depth: float,
+    n12: float,
+) -> np.ndarray:
+    """(n, 3) points around all that the view sees below the surface, down to `depth` m."""
+    to_clip = camera.projection @ camera.view
+    polygons = [
+        cameras.clip_polygon(_rectangle(body, snapshot, at, height), to_clip)
+        for height in (-highest, highest)
+    ]
+    polygon = np.concatenate(polygons)
+    points = [polygon]
+    if len(polygon):
+        directions = seen_through(polygon, camera.view, camera.projection, n12)
+        points.append(polygon + directions * (depth / np.maximum(-directions[:, 2:], 1e-3)))
+    if cameras.eye_position(camera.view)[2] < at[2] + highest:
+        # From below the surface the view volume itself lies in the water.
+        low, high = (f(_rectangle(body, snapshot, at, 0.0), axis=0) for f in (np.min, np.max))
+        low[2], high[2] = at[2] - depth, at[2] + highest
+        points.append(visible_part_of_box(low, high, to_clip))
+    return np.concatenate(points)
+
+
+def _plan_shadow(
+    sun: Sun | None,
+    camera: Camera,
+    bodies: tuple[BodyPlan, ...],
+    bounds: Bounds | None,
+    settings: FrameSettings,
+) -> LightCamera | None:
+    """The camera for the sun's shadows on all that the view sees, and on the water that lights its bottom."""
+    if sun is None or bounds is None or not settings.use_shadows:
+        return None
+    points = [visible_part_of_box(*bounds, camera.projection @ camera.view)]
+    for body in bodies:
+        if body.light is not None:
+            points.append(_surface_of(body.light.camera, float(body.origin[2])))
+    points = np.concatenate(points)
+    if len(points) == 0:
+        return None
+    return light_camera(-sun.direction, points, bounds, settings.light_depth_size)
+
+
+def _surface_of(camera: LightCamera, level: float) -> np.ndarray:
+    """(4, 3) corners of the part of the plane z = level that a light camera's picture holds."""
+    to_render = np.linalg.inv(camera.projection @ camera.view)
+    corners = np.array([(x, y, 0.0, 1.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]) @ to_render.T
+    along = (level - corners[:, 2]) / camera.direction[2]
+    return corners[:, :3] + along[:, None] * camera.direction
 
 
 def _visibility(
-    body: WaterBody, at: np.ndarray, highest: float, packed: np.ndarray, camera: Camera
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    at: np.ndarray,
+    highest: float,
+    packed: np.ndarray,
+    camera: Camera,
 ) -> tuple[bool, str]:
     """Whether the water has to be drawn at all, and why."""
     if not _is_above(camera, at, packed):
         return False, "the camera is below the water; views from under water are not drawn yet"
     if body.grid is not None:
-        points = np.concatenate([_rectangle(body, at, height) for height in (-highest, highest)])
+        points = np.concatenate([_rectangle(body, snapshot, at, height) for height in (-highest, highest)])
         clip = cameras.to_clip(camera.projection @ camera.view, points)
         for axis in range(3):
             for side in (-1.0, 1.0):
@@ -187,8 +337,16 @@ def _visibility(
     return True, "in the picture"
 
 
-def _rectangle(body: WaterBody, at: np.ndarray, height: float) -> np.ndarray:
-    """(4, 3) corners of a grid body's rectangle in render space, so high above its plane, in order."""
+def _rectangle(body: WaterBody, snapshot: SceneSnapshot, at: np.ndarray, height: float) -> np.ndarray:
+    """(4, 3) corners of a rectangle around the body in render space, so high above its plane, in order.
+
+    Of a body that is a mesh, the rectangle along the axes around its bounding box.
+    """
+    if body.grid is None:
+        corners = box_corners(*snapshot.meshes[body.mesh].bounds) @ body.matrix[:3, :3].T
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        x, y = np.array([low[0], high[0], high[0], low[0]]), np.array([low[1], low[1], high[1], high[1]])
+        return np.stack([x, y, np.full(4, height)], axis=1) + at
     _, half_x, half_y, center_x, center_y = body.grid
     x = center_x + half_x * np.array([-1.0, 1.0, 1.0, -1.0])
     y = center_y + half_y * np.array([-1.0, -1.0, 1.0, 1.0])
@@ -197,7 +355,12 @@ def _rectangle(body: WaterBody, at: np.ndarray, height: float) -> np.ndarray:
 
 
 def _reflection_region(
-    body: WaterBody, at: np.ndarray, highest: float, camera: Camera, to_texture_clip: np.ndarray
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    at: np.ndarray,
+    highest: float,
+    camera: Camera,
+    to_texture_clip: np.ndarray,
 ) -> tuple[float, float, float, float]:
     """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R.
 
@@ -206,7 +369,10 @@ def _reflection_region(
     if body.grid is None:
         return WHOLE
     to_clip = camera.projection @ camera.view
-    visible = [cameras.clip_polygon(_rectangle(body, at, height), to_clip) for height in (-highest, highest)]
+    visible = [
+        cameras.clip_polygon(_rectangle(body, snapshot, at, height), to_clip)
+        for height in (-highest, highest)
+    ]
     points = np.concatenate(visible)
     if min(len(polygon) for polygon in visible) == 0:
         return WHOLE

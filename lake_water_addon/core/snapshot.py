@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -44,6 +45,13 @@ class Mesh:
     colors: np.ndarray | None
     parts: tuple[MeshPart, ...]
     solid: bool
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner (3,) of the box around it in object space; NaN without vertices."""
+        if len(self.positions) == 0:
+            return np.full(3, np.nan), np.full(3, np.nan)
+        return self.positions.min(axis=0).astype(np.float64), self.positions.max(axis=0).astype(np.float64)
 
 
 @dataclass(frozen=True, eq=False)

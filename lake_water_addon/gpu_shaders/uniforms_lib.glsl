@@ -10,6 +10,9 @@ struct Lights {
   vec4 sky;              // rgb: radiance, w: 1 when there is an image
   vec4 sky_image;        // x: strength, y: rotation
   vec4 irradiance_sh[9]; // rgb
+  mat4 shadow_view;       // render space to the camera along the sun
+  mat4 shadow_projection; // orthographic
+  vec4 shadow;            // x: 1 when there is a shadow texture; y: texels a side; z: size of a texel in m
 };
 
 struct View {
@@ -32,4 +35,13 @@ struct Water {
   mat4 reflection_view;
   mat4 reflection_projection;
   vec4 waves[MAX_WAVES]; // kx, ky, amplitude, phase
+};
+
+// Sunlight in one body of water: the camera along it, and what is looked up in its textures.
+struct WaterLight {
+  mat4 view;       // render space to the light camera
+  mat4 projection; // orthographic
+  vec4 direction;  // xyz: unit, of the light below the flat surface, downwards; w: s.z / |r.z|
+  vec4 caustics;   // photons a side, texels a side, intersection steps
+  vec4 depth;      // texels a side, size of a texel in m, 1 - F of the flat surface, 1 when there is sunlight
 };

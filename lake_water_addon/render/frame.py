@@ -70,7 +70,7 @@ class FrameRenderer:
         for gone in range(bodies, self._bodies):
             textures.free_targets(self.targets, gone)
         self._bodies = bodies
-        return self._block("lights").update(*uniforms.lights(plan.snapshot))
+        return self._block("lights").update(*uniforms.lights(plan))
 
     def draw_textures(self, plan: FramePlan, timer: PassTimer) -> None:
         """The refraction and reflection textures of each water body that is in the picture."""
@@ -79,11 +79,11 @@ class FrameRenderer:
             if not body.drawn:
                 continue
             water = self._block("water", i).update(*uniforms.water(plan, body))
-            target = textures.refraction_target(self.targets, i, plan.texture_size)
+            target = textures.refraction_target(self.targets, i, plan.settings.texture_size)
             view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction))
             with timer.measure("refraction", target.framebuffer):
                 textures.draw_refraction(self._geometry, body.refraction, target, lights, view, water)
-            target = textures.reflection_target(self.targets, i, plan.texture_size)
+            target = textures.reflection_target(self.targets, i, plan.settings.texture_size)
             view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
             with timer.measure("reflection", target.framebuffer):
                 textures.draw_reflection(self._geometry, body.reflection, target, lights, view, water)
@@ -118,12 +118,12 @@ class FrameRenderer:
                 self._water.draw(
                     body,
                     plan.origin,
-                    plan.technique,
+                    plan.settings.technique,
                     lights,
                     view,
                     water,
-                    textures.refraction_target(self.targets, i, plan.texture_size),
-                    textures.reflection_target(self.targets, i, plan.texture_size),
+                    textures.refraction_target(self.targets, i, plan.settings.texture_size),
+                    textures.reflection_target(self.targets, i, plan.settings.texture_size),
                     view_transform,
                 )
 

@@ -8,7 +8,6 @@ from gpu.types import Buffer, GPUUniformBuf
 
 from ..core import cameras, optics
 from ..core.plan import BodyPlan, FramePlan, TexturePass
-from ..core.snapshot import SceneSnapshot
 from ..core.waves import MAX_WAVES
 from .resources import Resources
 
@@ -39,9 +38,9 @@ def _vec4(xyz: np.ndarray, w: float = 0.0) -> np.ndarray:
     return np.append(np.asarray(xyz, dtype=np.float64), w)
 
 
-def lights(snapshot: SceneSnapshot) -> list[np.ndarray]:
+def lights(plan: FramePlan) -> list[np.ndarray]:
     """Members of struct Lights."""
-    sun, sky = snapshot.sun, snapshot.sky
+    sun, sky, shadow = plan.snapshot.sun, plan.snapshot.sky, plan.shadow
     sh = np.zeros((9, 4))
     sh[:, :3] = sky.irradiance_sh
     return [
@@ -50,6 +49,9 @@ def lights(snapshot: SceneSnapshot) -> list[np.ndarray]:
         _vec4(sky.radiance, 1.0 if sky.image else 0.0),
         np.array([sky.strength, sky.rotation, 0.0, 0.0]),
         sh,
+        shadow.view.T if shadow else np.eye(4),
+        shadow.projection.T if shadow else np.eye(4),
+        np.array([1.0, shadow.resolution, shadow.texel.max(), 0.0]) if shadow else np.zeros(4),
     ]
 
 
@@ -88,7 +90,7 @@ def texture_view(texture_pass: TexturePass) -> list[np.ndarray]:
 
 def water(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
     """Members of struct Water."""
-    settings = body.body.settings
+    settings, frame = body.body.settings, plan.settings
     n12 = 1.0 / settings.ior
     packed = np.zeros((MAX_WAVES, 4))
     packed[: len(body.packed_waves)] = body.packed_waves
@@ -97,7 +99,7 @@ def water(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
         _vec4(body.origin, len(body.packed_waves)),
         np.array([settings.k, settings.q, settings.c, n12]),
         np.array(
-            [optics.reflectance_at_normal(n12), plan.intersection_steps, BORDER_FADE, plan.texture_size]
+            [optics.reflectance_at_normal(n12), frame.intersection_steps, BORDER_FADE, frame.texture_size]
         ),
         _vec4(np.array(settings.water_color), 1.0),
         np.array([half_x, half_y, center_x, center_y]),
@@ -107,4 +109,19 @@ def water(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
         body.reflection.view.T,
         body.reflection.projection.T,
         packed,
+    ]
+
+
+def water_light(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
+    """Members of struct WaterLight; without sunlight in the water, all of them zero."""
+    light, settings = body.light, plan.settings
+    if light is None:
+        return [np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4)]
+    camera = light.camera
+    return [
+        camera.view.T,
+        camera.projection.T,
+        _vec4(camera.direction, light.bending),
+        np.array([settings.photon_size, settings.caustics_size, settings.caustics_steps, 0.0]),
+        np.array([camera.resolution, camera.texel.max(), light.transmittance, 1.0]),
     ]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lake_water_addon.core import cameras, plan
+from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import Camera, SceneSnapshot, Sky, WaterBody, WaterSettings
 from lake_water_addon.core.waves import MAX_WAVES, SineWave
 
@@ -41,9 +42,8 @@ def look_at(position, target):
 
 
 def planned(scene, camera, **options):
-    return plan.plan_frame(
-        scene, camera, **{"fov_ext": 1.5, "texture_size": 64, "intersection_steps": 3, **options}
-    )
+    view = {name: options.pop(name) for name in ("window", "jitter") if name in options}
+    return plan.plan_frame(scene, camera, FrameSettings(**{"texture_size": 64, **options}), **view)
 
 
 ABOVE = Camera(look_at((0, -20, 6), (0, 0, 0)), PROJECTION)

@@ -8,14 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from lake_water_addon.core.plan import FramePlan, plan_frame
+from lake_water_addon.core.settings import FrameSettings
 
 SIZE = (160, 120)
+PLAIN = {"use_caustics": False, "use_shadows": False, "use_glow": False}
+"""Settings with none of the sun's extras."""
 
 
 def planned(scene, camera, **options) -> FramePlan:
-    return plan_frame(
-        scene, camera, **{"fov_ext": 1.5, "texture_size": 256, "intersection_steps": 3, **options}
-    )
+    """Small textures, none of the sun's extras. options: FrameSettings', or window and jitter."""
+    view = {name: options.pop(name) for name in ("window", "jitter") if name in options}
+    settings = FrameSettings(**{"texture_size": 256, **PLAIN, **options})
+    return plan_frame(scene, camera, settings, **view)
 
 
 def draw(renderer, scene, camera, size=SIZE, **options) -> np.ndarray:
@@ -41,8 +45,8 @@ def draw_textures(renderer, scene, camera, **options):
 
     plan = planned(scene, camera, **options)
     renderer.draw_textures(plan, PassTimer())
-    refraction = textures.refraction_target(renderer.targets, 0, plan.texture_size)
-    reflection = textures.reflection_target(renderer.targets, 0, plan.texture_size)
+    refraction = textures.refraction_target(renderer.targets, 0, plan.settings.texture_size)
+    reflection = textures.reflection_target(renderer.targets, 0, plan.settings.texture_size)
     return (
         plan,
         read_texture(refraction.colors[0]).astype(np.float64),

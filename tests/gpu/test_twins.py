@@ -23,6 +23,7 @@ from lake_water_addon.core import (
     waves,
 )
 from lake_water_addon.core.plan import plan_frame
+from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import Sky, Sun
 from tests.gpu import scenes
 from tests.gpu.glsl import data_texture, evaluate, single
@@ -195,7 +196,7 @@ def planned(scene=None, camera=None, **options):
     return plan_frame(
         scene or scenes.pond(),
         camera or scenes.look_at((14, -14, 4), (0, 0, -0.5)),
-        **{"fov_ext": 1.5, "texture_size": 64, "intersection_steps": 3, **options},
+        FrameSettings(**{"texture_size": 64, **options}),
     )
 
 
@@ -210,7 +211,7 @@ def lights_block(scene):
     from lake_water_addon.render import uniforms
     from lake_water_addon.render.resources import Resources
 
-    return uniforms.UniformBlock(Resources()).update(*uniforms.lights(scene))
+    return uniforms.UniformBlock(Resources()).update(*uniforms.lights(planned(scene)))
 
 
 def wave_cases():

@@ -31,7 +31,7 @@ def structs():
 
 def test_only_members_of_whole_vectors_are_used():
     """vec4, mat4 and arrays of them: with others std140 pads, and `uniforms.py` does not."""
-    assert set(structs()) == {"Lights", "View", "Water"}
+    assert set(structs()) == {"Lights", "View", "Water", "WaterLight"}
     for name, members in structs().items():
         for kind, member, _ in members:
             assert kind in SIZES, f"{kind} {member} in struct {name}"
@@ -40,6 +40,7 @@ def test_only_members_of_whole_vectors_are_used():
 def member_arrays():
     """Distinct numbers for every component, through the functions that fill the real buffers."""
     from lake_water_addon.core.plan import plan_frame
+    from lake_water_addon.core.settings import FrameSettings
     from lake_water_addon.core.snapshot import Sky, Sun, WaterSettings
     from lake_water_addon.core.waves import SineWave
     from lake_water_addon.render import uniforms
@@ -57,20 +58,19 @@ def member_arrays():
     plan = plan_frame(
         scene,
         scenes.look_at((1, -9, 12), (0, 1, 5)),
-        fov_ext=1.5,
-        texture_size=64,
-        intersection_steps=7,
+        FrameSettings(texture_size=64, intersection_steps=7),
         jitter=(0.01, 0.02),
     )
     body_plan = plan.bodies[0]
     return {
-        "Lights": uniforms.lights(scene),
+        "Lights": uniforms.lights(plan),
         "View": uniforms.texture_view(body_plan.reflection),
         "Water": uniforms.water(plan, body_plan),
+        "WaterLight": uniforms.water_light(plan, body_plan),
     }
 
 
-@pytest.mark.parametrize("struct", ["Lights", "View", "Water"])
+@pytest.mark.parametrize("struct", ["Lights", "View", "Water", "WaterLight"])
 def test_every_member_arrives(struct):
     from lake_water_addon.render.resources import Resources
     from lake_water_addon.render.uniforms import UniformBlock

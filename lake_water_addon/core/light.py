@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Orthographic cameras along sunlight, in the air and in the water, fitted to what a view sees of them.
+
+Matrices and points are in render space (see `plan`), float64.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import cameras, optics
+
+STEPS_PER_DOUBLING = 4
+"""Sizes that a window may have between one and twice that."""
+
+SLACK = 1.25
+"""A window is at least so many times larger than what it must hold."""
+
+STEPS_PER_WINDOW = 8
+"""A window moves by a part of its size, so that a moving view does not ask for a new one in each frame."""
+
+MIN_WINDOW = 1e-2
+"""m: the least side of a window."""
+
+DEPTH_MARGIN = 1.0
+"""m between the outermost geometry and the near and far planes."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightCamera:
+    """A camera along light that travels in `direction` (unit, (3,)).
+
+    view: (4, 4) a mere rotation; projection: (4, 4) orthographic; texel: (2,) m, the size of one texel of the
+    depth texture, `resolution` a side. Equal `key`s mean equal cameras.
+    """
+
+    direction: np.ndarray
+    view: np.ndarray
+    projection: np.ndarray
+    resolution: int
+    texel: np.ndarray
+
+    @property
+    def key(self) -> tuple:
+        """Tells this camera and its texture from others."""
+        return self.view.tobytes(), self.projection.tobytes(), self.resolution
+
+
+def sunlight_in_water(sun_direction: np.ndarray, n12: float) -> np.ndarray:
+    """(3,) unit direction of sunlight below a flat surface; sun_direction: unit, towards a sun with z > 0."""
+    refracted, _ = optics.refract_direction(-sun_direction, cameras.UP, n12)
+    return refracted / np.linalg.norm(refracted)
+
+
+def light_axes(direction: np.ndarray) -> np.ndarray:
+    """(3, 3) rows: right, up and back of a camera that looks along `direction`."""
+    back = -direction
+    reference = np.array([0.0, 1.0, 0.0]) if abs(back[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    right = np.cross(reference, back)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(back, right), back])
+
+
+def window(low: float, high: float, resolution: int) -> tuple[float, float]:
+    """(start, size) in m of a window over [low, high], one of a fixed lattice for a given size.
+
+    Sizes are powers of two and steps between, and a window starts at a multiple of a whole number of
+    its texels: whatever the view does, a point of the scene keeps its place within a texel.
+    """
+    wanted = max(high - low, MIN_WINDOW) * SLACK
+    size = 2.0 ** (np.ceil(STEPS_PER_DOUBLING * np.log2(wanted) - 1e-9) / STEPS_PER_DOUBLING)
+    step = size * max(resolution // STEPS_PER_WINDOW, 1) / resolution
+    return float(np.floor(low / step) * step), float(size)
+
+
+def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(8, 3) corners of an axis-aligned box."""
+    return np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def visible_part_of_box(low: np.ndarray, high: np.ndarray, to_clip: np.ndarray) -> np.ndarray:
+    """Corners (n, 3) of what a view-projection (4, 4) sees of an axis-aligned box; n = 0 when nothing.
+
+    They are corners of the box's faces after clipping, and of the view volume inside the box.
+    """
+    corners = box_corners(low, high)
+    faces = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+    points = [cameras.clip_polygon(corners[list(face)], to_clip) for face in faces]
+    device = box_corners(-np.ones(3), np.ones(3))
+    volume = np.concatenate([device, np.ones((8, 1))], axis=1) @ np.linalg.inv(to_clip).T
+    volume = volume[:, :3] / volume[:, 3:]
+    points.append(volume[np.all((volume >= low) & (volume <= high), axis=1)])
+    return np.concatenate(points)
+
+
+def seen_through(polygon: np.ndarray, view: np.ndarray, projection: np.ndarray, n12: float) -> np.ndarray:
+    """(n, 3) unit directions in which a view looks on below the corners (n, 3) of a flat surface's part."""
+    if cameras.is_orthographic(projection):
+        incident = np.broadcast_to(-view[2, :3], polygon.shape)
+    else:
+        incident = polygon - cameras.eye_position(view)
+        incident = incident / np.linalg.norm(incident, axis=1, keepdims=True)
+    refracted, _ = optics.refract_direction(incident, cameras.UP, n12)
+    return refracted
+
+
+def light_camera(
+    direction: np.ndarray,
+    points: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+    resolution: int,
+    margin: float = 0.0,
+) -> LightCamera:
+    """The camera along `direction` whose picture holds all `points` (n, 3), and `margin` m around them.
+
+    bounds: lowest and highest corner (3,) of what it may draw; its clip planes lie beyond them, and do
+    not depend on the view.
+    """
+    axes = light_axes(direction)
+    at = points @ axes.T
+    x, width = window(at[:, 0].min() - margin, at[:, 0].max() + margin, resolution)
+    y, height = window(at[:, 1].min() - margin, at[:, 1].max() + margin, resolution)
+    depth = box_corners(*bounds) @ axes[2]
+    top, bottom = depth.max() + DEPTH_MARGIN, depth.min() - DEPTH_MARGIN
+    view = np.eye(4)
+    view[:3, :3] = axes
+    projection = np.diag([2.0 / width, 2.0 / height, -2.0 / (top - bottom), 1.0])
+    projection[:3, 3] = (
+        -(2.0 * x + width) / width,
+        -(2.0 * y + height) / height,
+        (top + bottom) / (top - bottom),
+    )
+    return LightCamera(direction, view, projection, resolution, np.array([width, height]) / resolution)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a person set for the picture as a whole, as plain data; its defaults are those of the interface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .techniques import DEFAULT_TECHNIQUE
+
+
+@dataclass(frozen=True)
+class FrameSettings:
+    """Settings of a picture, under the names that they have on `scene.lake_water`.
+
+    texture_size, caustics_size, photon_size, light_depth_size: texels a side. caustics_method: AUTO, CPU,
+    GPU_POINTS or GPU_COMPUTE.
+    """
+
+    technique: str = DEFAULT_TECHNIQUE
+    fov_ext: float = 1.5
+    texture_size: int = 512
+    intersection_steps: int = 3
+    use_caustics: bool = True
+    caustics_method: str = "AUTO"
+    caustics_size: int = 512
+    photon_size: int = 512
+    caustics_steps: int = 1
+    use_shadows: bool = True
+    light_depth_size: int = 1024
+    use_glow: bool = True
+    glow_strength: float = 1.0
+    glow_exponent: float = 200.0
+    glow_threshold: float = 0.0
+    use_exact_under_water: bool = False
+
+
+DEFAULTS = FrameSettings()
