@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import OrderedDict
 
 import numpy as np
-from gpu.types import GPUBatch, GPUTexture, GPUUniformBuf
+from gpu.types import GPUBatch, GPUShader, GPUTexture, GPUUniformBuf
 
 from ...core.plan import BodyPlan, rebase
 from ..resources import Resources
@@ -19,28 +19,38 @@ MAX_GRIDS = 4
 """Grids of different resolution that are kept on the GPU."""
 
 
+def surface_interface(grid: bool) -> tuple[dict, list[tuple[str, str]], dict[str, str]]:
+    """What `water_vert.glsl` takes of a grid or a mesh: fields of a ShaderSpec, push constants and defines.
+
+    It also takes the uniform blocks `pass_view` and `water`.
+    """
+    fields = {
+        "vertex": "water_vert.glsl",
+        "vertex_in": (("VEC2", "cell"),) if grid else (("VEC3", "position"), ("VEC3", "normal")),
+        "varyings": (("VEC3", "v_position"), ("VEC2", "v_slope")),
+    }
+    push_constants = [] if grid else [("MAT4", "object_matrix"), ("MAT3", "normal_matrix")]
+    return fields, push_constants, {"GRID" if grid else "MESH": ""}
+
+
 def water_spec(*, grid: bool, technique: str, display_referred: bool) -> tuple[ShaderSpec, dict[str, str]]:
     """The variant's interface and defines."""
-    defines = {"TECHNIQUE": f'"technique_{technique.lower()}_lib.glsl"', "GRID" if grid else "MESH": ""}
+    surface, push_constants, defines = surface_interface(grid)
+    defines["TECHNIQUE"] = f'"technique_{technique.lower()}_lib.glsl"'
     samplers = [
         ("FLOAT_2D", "sky_image"),
         ("FLOAT_2D", "refraction_color"),
         ("FLOAT_2D", "refraction_depth"),
         ("FLOAT_2D", "reflection_color"),
     ]
-    push_constants: list[tuple[str, str]] = []
-    if not grid:
-        push_constants += [("MAT4", "object_matrix"), ("MAT3", "normal_matrix")]
     if display_referred:
         defines["DISPLAY_REFERRED"] = ""
         samplers.append(("FLOAT_3D", "view_transform_table"))
         push_constants.append(("VEC2", "view_transform_range"))
     spec = ShaderSpec(
         name="water",
-        vertex="water_vert.glsl",
         fragment="water_frag.glsl",
-        vertex_in=(("VEC2", "cell"),) if grid else (("VEC3", "position"), ("VEC3", "normal")),
-        varyings=(("VEC3", "v_position"), ("VEC2", "v_slope")),
+        **surface,
         uniform_buffers=(("Lights", "lights"), ("View", "pass_view"), ("Water", "water")),
         samplers=tuple(samplers),
         push_constants=tuple(push_constants),
@@ -70,9 +80,10 @@ class WaterPainter:
         view_transform: tuple[GPUTexture, tuple[float, float]] | None = None,
     ) -> None:
         """view_transform: table and range of `core/view_transform.py`, to draw in display colours."""
-        grid = body.body.grid
         spec, defines = water_spec(
-            grid=grid is not None, technique=technique, display_referred=view_transform is not None
+            grid=body.body.grid is not None,
+            technique=technique,
+            display_referred=view_transform is not None,
         )
         shader = self._library.get(spec, defines)
         with opaque_state():
@@ -87,17 +98,21 @@ class WaterPainter:
             if view_transform is not None:
                 shader.uniform_sampler("view_transform_table", view_transform[0])
                 shader.uniform_float("view_transform_range", view_transform[1])
-            if grid is not None:
-                self._grid(grid[0]).draw(shader)
-                return
-            matrix = rebase(body.body.matrix, origin)
-            # The cofactors and not the inverse, which a scale of 0 does not have; as in scene_vert.glsl.
-            a, b, c = matrix[:3, :3]
-            normals = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-            shader.uniform_float("object_matrix", matrix.T.ravel().tolist())
-            shader.uniform_float("normal_matrix", normals.T.ravel().tolist())
-            for batch in self._scene.parts_of(body.body.mesh):
-                batch.draw(shader)
+            self.draw_surface(shader, body, origin)
+
+    def draw_surface(self, shader: GPUShader, body: BodyPlan, origin: np.ndarray) -> None:
+        """The body's triangles with a bound shader made with `surface_interface`. origin: of render space."""
+        if body.body.grid is not None:
+            self._grid(body.body.grid[0]).draw(shader)
+            return
+        matrix = rebase(body.body.matrix, origin)
+        # The cofactors and not the inverse, which a scale of 0 does not have; as in scene_vert.glsl.
+        a, b, c = matrix[:3, :3]
+        normals = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+        shader.uniform_float("object_matrix", matrix.T.ravel().tolist())
+        shader.uniform_float("normal_matrix", normals.T.ravel().tolist())
+        for batch in self._scene.parts_of(body.body.mesh):
+            batch.draw(shader)
 
     def _grid(self, resolution: int) -> GPUBatch:
         """The unit square with resolution x resolution vertices."""
