@@ -53,6 +53,21 @@ class Mesh:
             return np.full(3, np.nan), np.full(3, np.nan)
         return self.positions.min(axis=0).astype(np.float64), self.positions.max(axis=0).astype(np.float64)
 
+    @cached_property
+    def covered_area(self) -> float:
+        """Area of its triangles seen along z, in the units of object space, overlaps counted twice."""
+        corners = self.positions[np.concatenate([part.triangles for part in self.parts])][..., :2]
+        a, b = (corners[:, i].astype(np.float64) - corners[:, 0] for i in (1, 2))
+        return float(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
+
+    @cached_property
+    def max_slope(self) -> float:
+        """The greatest |n.xy| / |n.z| of the normals in object space; inf where one lies level."""
+        n = self.normals.astype(np.float64)
+        level = np.hypot(n[:, 0], n[:, 1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return float(np.nan_to_num(level / np.abs(n[:, 2]), nan=np.inf).max(initial=0.0))
+
 
 @dataclass(frozen=True, eq=False)
 class Material:

@@ -94,3 +94,18 @@ def normal(packed: np.ndarray, xy: np.ndarray) -> np.ndarray:
 def max_height(waves: Sequence[SineWave]) -> float:
     """An upper bound of |h|: the sum of the amplitudes, in m."""
     return float(sum(abs(w.amplitude) for w in waves))
+
+
+def max_slope(packed: np.ndarray) -> float:
+    """The least upper bound of |grad h| that holds at any time, from `pack`'s rows.
+
+    Whatever their phases, the waves add vectors +-a k at most: the farthest corner of a zonotope. Its
+    corners are the sums over those of the vectors that point to one side of a line.
+    """
+    steps = packed[:, :2] * packed[:, 2:3]
+    # Directions across each vector, a little turned to both sides: each corner's signs are among them.
+    across = np.stack([-steps[:, 1], steps[:, 0]], axis=1)
+    corners = [
+        np.where((across + turn * steps) @ steps.T >= 0.0, 1.0, -1.0) @ steps for turn in (-1e-9, 1e-9)
+    ]
+    return float(np.linalg.norm(np.concatenate(corners), axis=1).max(initial=0.0))
