@@ -56,6 +56,13 @@ def reflect_upwards(incident: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return r / np.linalg.norm(r, axis=-1, keepdims=True)
 
 
+def rising(direction: np.ndarray) -> np.ndarray:
+    """The direction with its z raised to at least MIN_RISE of its length; unit. For looking up the sky."""
+    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    unit = np.concatenate([unit[..., :2], np.maximum(unit[..., 2:], MIN_RISE)], axis=-1)
+    return unit / np.linalg.norm(unit, axis=-1, keepdims=True)
+
+
 def reflectance_at_normal(n12: float) -> float:
     """f = ((1 - n12) / (1 + n12))^2; 0.0204 for 0.75."""
     return ((1.0 - n12) / (1.0 + n12)) ** 2
@@ -64,6 +71,23 @@ def reflectance_at_normal(n12: float) -> float:
 def schlick(cosine: np.ndarray, f: float, q: float) -> np.ndarray:
     """F = f + (1 - f) (1 - E.N)^q, cosine clamped to [0, 1]."""
     return f + (1.0 - f) * np.power(1.0 - np.clip(cosine, 0.0, 1.0), q)
+
+
+def fresnel_dielectric(cosine: np.ndarray, n12: float) -> np.ndarray:
+    """Reflectance of unpolarised light at a surface between two dielectrics, by Fresnel's equations.
+
+    cosine: of the angle of incidence, clamped to [0, 1]; n12: refractive index on the side that the light
+    comes from over that of the other. 1 where there is total internal reflection.
+    """
+    cosine = np.clip(cosine, 0.0, 1.0)
+    # 1 - n12^2 (1 - cosine^2) without its cancellation at n12 = 1.
+    s = (1.0 - n12) * (1.0 + n12) + (n12 * cosine) ** 2
+    passes = s > 0.0
+    beyond = np.sqrt(np.where(passes, s, 0.0))  # cosine of the angle of refraction
+    across, along = n12 * cosine + beyond, n12 * beyond + cosine
+    s_polarised = (n12 * cosine - beyond) / np.where(passes, across, 1.0)
+    p_polarised = (n12 * beyond - cosine) / np.where(passes, along, 1.0)
+    return np.where(passes, 0.5 * (s_polarised**2 + p_polarised**2), 1.0)
 
 
 def attenuation(k: float, distance: np.ndarray) -> np.ndarray:

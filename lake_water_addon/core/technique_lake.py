@@ -7,15 +7,13 @@ functions of coordinates (n, 2): what stands in them is the passes' business.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from . import cameras, intersection, optics
+from .lookup import Lookup, inside_texture
 from .plan import BodyPlan
-
-Lookup = Callable[[np.ndarray], np.ndarray]
 
 LEAST_KNOWN = 0.25
 """Alpha of a refraction lookup below which another place is tried."""
@@ -39,13 +37,6 @@ class LakeTextures:
     reflection_color: Lookup
     sky_radiance: Lookup
     fade: float
-
-
-def inside_texture(uv: np.ndarray, fade: float) -> np.ndarray:
-    """(n,) 1 inside the texture, falling to 0 over a band of width `fade` at its border (Hermite)."""
-    edge = np.min(np.minimum(uv, 1.0 - uv), axis=-1)
-    t = np.clip(edge / fade, 0.0, 1.0)
-    return t * t * (3.0 - 2.0 * t)
 
 
 def _transform(view: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -36,10 +36,32 @@ vec3 reflect_upwards(vec3 incident, vec3 normal)
   return normalize(r);
 }
 
+// For looking up the sky: what points below the horizon is raised to it.
+vec3 rising(vec3 direction)
+{
+  vec3 unit = normalize(direction);
+  return normalize(vec3(unit.xy, max(unit.z, MIN_RISE)));
+}
+
 // pow(0, 0) is undefined in GLSL, and q may be 0: the base stays just above it.
 float schlick(float cosine, float f, float q)
 {
   return f + (1.0 - f) * pow(max(1.0 - clamp(cosine, 0.0, 1.0), 1e-30), q);
+}
+
+// Fresnel's equations for unpolarised light; n12: index on the side that the light comes from over the other.
+float fresnel_dielectric(float cosine, float n12)
+{
+  cosine = clamp(cosine, 0.0, 1.0);
+  // 1 - n12^2 (1 - cosine^2) without its cancellation at n12 = 1.
+  float s = (1.0 - n12) * (1.0 + n12) + n12 * n12 * cosine * cosine;
+  if (s <= 0.0) {
+    return 1.0;
+  }
+  float beyond = sqrt(s);
+  float s_polarised = (n12 * cosine - beyond) / (n12 * cosine + beyond);
+  float p_polarised = (n12 * beyond - cosine) / (n12 * beyond + cosine);
+  return 0.5 * (s_polarised * s_polarised + p_polarised * p_polarised);
 }
 
 float attenuation(float k, float distance_in_water)

@@ -9,16 +9,10 @@ float bottom_depth(vec2 uv)
 }
 
 #include "intersection_lib.glsl"
+#include "lookup_lib.glsl"
 
 // Alpha of a lookup below which another place is tried.
 #define LEAST_KNOWN 0.25
-
-// 1 inside the texture, falling to 0 over a narrow band at its border.
-float inside_texture(vec2 uv)
-{
-  vec2 edge = min(uv, 1.0 - uv);
-  return smoothstep(0.0, water.fresnel.z, min(edge.x, edge.y));
-}
 
 vec3 refracted_radiance(vec3 surface, vec3 direction)
 {

@@ -45,3 +45,12 @@ struct WaterLight {
   vec4 caustics;   // photons a side, texels a side, intersection steps
   vec4 depth;      // texels a side, size of a texel in m, 1 - F of the flat surface, 1 when there is sunlight
 };
+
+// The rectangle on which a picture begins (core/under_water.py).
+struct NearPlane {
+  vec4 origin; // xyz: the eye, or where an orthographic camera is
+  vec4 center; // xyz: from there to the rectangle's middle; w: distance of the near plane, m
+  vec4 right;  // xyz: from its middle to its right edge; w: near / far; orthographic: far - near
+  vec4 up;     // xyz: from its middle to its upper edge; w: 1 when orthographic
+  vec4 map;    // of the surface's heights: x, y of the lower left corner; texels per m along x, y
+};

@@ -8,6 +8,7 @@ from gpu.types import Buffer, GPUUniformBuf
 
 from ..core import cameras, optics
 from ..core.plan import BodyPlan, FramePlan, TexturePass
+from ..core.under_water import HEIGHT_TEXELS, HeightMap, NearPlane
 from ..core.waves import MAX_WAVES
 from .resources import Resources
 
@@ -124,4 +125,16 @@ def water_light(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
         _vec4(camera.direction, light.bending),
         np.array([settings.photon_size, settings.caustics_size, settings.caustics_steps, 0.0]),
         np.array([camera.resolution, camera.texel.max(), light.transmittance, 1.0]),
+    ]
+
+
+def near_plane(plane: NearPlane, heights: HeightMap | None = None) -> list[np.ndarray]:
+    """Members of struct NearPlane. heights: the map that tells the pixels' sides, where they differ."""
+    beyond = plane.far - plane.near if plane.orthographic else plane.near / plane.far
+    return [
+        _vec4(plane.origin),
+        _vec4(plane.center, plane.near),
+        _vec4(plane.right, beyond),
+        _vec4(plane.up, 1.0 if plane.orthographic else 0.0),
+        np.append(heights.corner, HEIGHT_TEXELS / heights.size) if heights else np.zeros(4),
     ]

@@ -7,6 +7,7 @@ GLSL are allowed more than that, and what is allowed was measured on Mesa's llvm
 """
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,12 @@ from lake_water_addon.core import (
     cameras,
     intersection,
     lighting,
+    lookup,
     optics,
     sky,
     technique_lake,
+    technique_lake_under,
+    under_water,
     view_transform,
     waves,
 )
@@ -151,6 +155,35 @@ def test_twin_schlick():
         "f"
     ]
     compare(got, optics.schlick(cosine, f, q), 1e-6 + 1e-7 * q)
+
+
+@pytest.mark.parametrize("n12", [N12, 1.0, 0.25, float(np.float32(1.333)), 4.0])
+def test_twin_fresnel_dielectric(n12):
+    """At total internal reflection, n12 = 1, grazing light; the critical angle has the root's steepness."""
+    cosine = np.concatenate([np.linspace(0, 1, 2000), np.geomspace(1e-9, 1, 500), [-0.5, 1.0 + EPS, 2.0]])
+    cosine = single(cosine)
+    got = evaluate(
+        ["optics_lib.glsl"],
+        {"f": ("float", "fresnel_dielectric(cosine, n12)")},
+        cosine=cosine,
+        n12=np.full(len(cosine), n12),
+    )["f"]
+    s = (1.0 - n12) * (1.0 + n12) + (n12 * np.clip(cosine, 0, 1)) ** 2
+    size = abs(1.0 - n12) * (1.0 + n12) + (n12 * np.clip(cosine, 0, 1)) ** 2  # of what is added up in s
+    decided = np.abs(s) > 8 * EPS * size
+    assert decided.mean() > 0.9
+    lost = np.where(s > 0.0, size / np.maximum(np.abs(s), 1e-30), 0.0)
+    bound = EPS * (16.0 + 8.0 * n12 * np.sqrt(size) * np.sqrt(lost))
+    compare(got[decided], optics.fresnel_dielectric(cosine, n12)[decided], bound[decided])
+
+
+def test_twin_rising():
+    directions = unit_vectors(2000, 23) * single(np.geomspace(0.1, 10, 2000))[:, None]
+    directions = single(directions)
+    directions[:4] = (0, 0, 1), (0, 0, -1), (1, 0, 0), (3, 0, -1e-5)
+    got = evaluate(["optics_lib.glsl"], {"r": ("vec3", "rising(d)")}, d=directions)["r"]
+    compare(got, optics.rising(directions), 8 * EPS)
+    assert np.all(got[:, 2] > 0.0)
 
 
 def test_twin_attenuation():
@@ -598,7 +631,7 @@ def test_twin_inside_texture():
     )
     _, textures, gpu_arguments, *_ = lake_case()
     got = evaluate(results={"w": ("float", "inside_texture(uv)")}, uv=uv, **gpu_arguments)["w"]
-    compare(got, technique_lake.inside_texture(uv, textures.fade), 16 * EPS / textures.fade)
+    compare(got, lookup.inside_texture(uv, textures.fade), 16 * EPS / textures.fade)
 
 
 LAKE_CASES = {
@@ -637,6 +670,261 @@ def test_twin_water_radiance(case):
         results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **gpu_arguments
     )["c"]
     compare_radiance(got, technique_lake.water_radiance(surface, normal, to_eye, plan.bodies[0], 3, textures))
+
+
+# technique_lake_under_lib.glsl
+
+
+def under_case(exact=False, camera=None, **settings):
+    """Made-up textures as in `lake_case`, and the surface of the pond seen from below."""
+    camera = camera or scenes.look_at((2, -3, -2), (0, 1, 0.5))
+    plan = planned(scenes.pond(**settings), camera)
+    _, from_air, arguments, surface, *_ = lake_case(camera, **settings)
+    (body,) = plan.bodies
+    level = float(body.origin[2])
+    wide = cameras.widen(plan.camera.projection, plan.settings.fov_ext)
+    mirrored = cameras.mirrored_view(plan.camera.view, level)
+    refraction = replace(body.refraction, view=plan.camera.view, projection=wide)
+    reflection = replace(body.reflection, view=mirrored, projection=wide)
+    textures = technique_lake_under.UnderTextures(
+        from_air.refraction_color,
+        from_air.reflection_color,
+        from_air.sky_radiance,
+        refraction,
+        reflection,
+        from_air.fade,
+    )
+    from_below = replace(plan, bodies=(replace(body, refraction=refraction, reflection=reflection),))
+    arguments = dict(arguments)
+    arguments["sources"] = (*WATER_SOURCES[:-1], "technique_lake_under_lib.glsl")
+    arguments["uniform_buffers"] = {
+        **arguments["uniform_buffers"],
+        "water": ("Water", water_block(from_below)),
+    }
+    arguments["samplers"] = {k: v for k, v in arguments["samplers"].items() if k != "refraction_depth"}
+    arguments["defines"] = {"EXACT": ""} if exact else {}
+    eye = cameras.eye_position(plan.camera.view)
+    path = single(np.linalg.norm(eye - surface, axis=1))
+    to_eye = single((eye - surface) / path[:, None])
+    normal = -single(optics.face_viewer(-waves.normal(body.packed_waves, surface[:, :2]), to_eye))
+    return body.body.settings, textures, arguments, surface, normal, to_eye, path
+
+
+UNDER_CASES = {
+    "lake": {},
+    "flat and clear": {"waves": (), "k": 0.0},
+    "steep": {"waves": scenes.STEEP_WAVES},
+    "another liquid": {"ior": 2.4, "q": 0.0},
+    "no refraction": {"ior": 1.0},
+    "orthographic": {"camera": scenes.look_at((2, -3, -2), (0, 1, 0.5), ortho=9.0)},
+}
+every_under = pytest.mark.parametrize("case", UNDER_CASES.values(), ids=UNDER_CASES)
+
+
+@every_under
+def test_twin_refraction_without_hole(case):
+    settings, _, arguments, _, normal, to_eye, _ = under_case(**case)
+    got = evaluate(results={"r": ("vec3", "refraction_without_hole(n, e)")}, n=normal, e=to_eye, **arguments)[
+        "r"
+    ]
+    want = technique_lake_under.refraction_without_hole(normal, to_eye, 1.0 / settings.ior)
+    compare(got, want, 8 * EPS * settings.ior)
+
+
+@every_under
+def test_twin_radiance_from_above(case):
+    settings, textures, arguments, surface, normal, to_eye, _ = under_case(**case)
+    direction = single(technique_lake_under.refraction_without_hole(normal, to_eye, 1.0 / settings.ior))
+    got = evaluate(results={"c": ("vec3", "radiance_from_above(u, r)")}, u=surface, r=direction, **arguments)[
+        "c"
+    ]
+    compare_radiance(got, technique_lake_under.radiance_from_above(surface, direction, textures))
+
+
+@every_under
+def test_twin_radiance_from_below(case):
+    settings, textures, arguments, surface, normal, to_eye, _ = under_case(**case)
+    direction = single(optics.reflect_direction(-to_eye, normal))
+    got = evaluate(results={"c": ("vec3", "radiance_from_below(u, r)")}, u=surface, r=direction, **arguments)[
+        "c"
+    ]
+    compare_radiance(got, technique_lake_under.radiance_from_below(surface, direction, settings, textures))
+
+
+@pytest.mark.parametrize("exact", [False, True], ids=["thesis", "exact"])
+@every_under
+def test_twin_water_radiance_from_below(case, exact):
+    settings, textures, arguments, surface, normal, to_eye, path = under_case(exact, **case)
+    got = evaluate(
+        results={"c": ("vec3", "water_radiance_from_below(u, n, e, path)")},
+        u=surface,
+        n=normal,
+        e=to_eye,
+        path=path,
+        **arguments,
+    )["c"]
+    want = technique_lake_under.water_radiance_from_below(
+        surface, normal, to_eye, path, settings, textures, exact=exact
+    )
+    compare_radiance(got, want)
+    if exact and settings.ior > 1.2:
+        cosine = -np.sum(normal * to_eye, axis=1)
+        assert np.any(optics.fresnel_dielectric(cosine, settings.ior) == 1.0), "no case of total reflection"
+
+
+# fog_lib.glsl, near_side_lib.glsl
+
+MIRROR = cameras.mirrored_view(scenes.look_at((1, -2, -1.5), (0, 3, 0)).view, 0.25)
+
+
+def near_plane_cases():
+    """Perspective, shifted, cropped, of a long clip range; orthographic, also from behind; mirrored."""
+    view = scenes.look_at((1, -2, -1.5), (0, 3, 0)).view
+    behind = scenes.look_at((0, 0, 1), (0, 1, 0), near=-50.0, far=80.0, ortho=12.0).projection
+    for projection in (
+        *PROJECTIONS.values(),
+        cameras.crop(PROJECTIONS["shifted"], 0.1, 0.2, 0.4, 0.9),
+        behind,
+    ):
+        for matrix in (view, MIRROR):
+            yield under_water.near_plane(matrix, projection)
+
+
+def near_plane_arguments(plane, heights=None, texels=None):
+    """Every member is used, or the driver drops the block."""
+    from lake_water_addon.render import uniforms
+    from lake_water_addon.render.resources import Resources
+
+    block = uniforms.UniformBlock(Resources()).update(*uniforms.near_plane(plane, heights))
+    arguments = {
+        "sources": ["optics_lib.glsl", "fog_lib.glsl"],
+        "uniform_buffers": {"near_plane": ("NearPlane", block)},
+    }
+    if heights is not None:
+        arguments["sources"].append("near_side_lib.glsl")
+        arguments["samplers"] = {"surface_heights": ("FLOAT_2D", data_texture(texels))}
+    return arguments
+
+
+def device_coordinates(count=2000):
+    ndc = RNG(24).uniform(-1, 1, (count, 2))
+    ndc[:5] = (0, 0), (-1, -1), (1, -1), (1, 1), (-1, 1)
+    return single(ndc)
+
+
+def test_twin_near_offset():
+    """8 EPS of the terms' size: also where a lens shift makes the parts cancel."""
+    ndc = device_coordinates()
+    for plane in near_plane_cases():
+        got = evaluate(results={"o": ("vec3", "near_offset(p)")}, p=ndc, **near_plane_arguments(plane))["o"]
+        size = sum(np.linalg.norm(part) for part in (plane.center, plane.right, plane.up))
+        compare(got, plane.offset(ndc), 8 * EPS * size)
+
+
+def depths(count):
+    """Window depths as a depth texture holds them, towards both ends, which are in it."""
+    depth = RNG(25).uniform(0, 1, count)
+    third = count // 3
+    depth[:third] = 1.0 - np.geomspace(1e-7, 1, third)
+    depth[third : 2 * third] = np.geomspace(1e-7, 1, third)
+    depth[:3] = 0.0, 1.0, 0.5
+    return single(depth)
+
+
+def test_twin_sight_distance():
+    """Relative 16 EPS at any clip range: the inverted projection does not cancel."""
+    ndc = device_coordinates()
+    depth = depths(len(ndc))
+    for plane in near_plane_cases():
+        got = evaluate(
+            results={"d": ("float", "sight_distance(p, z)")}, p=ndc, z=depth, **near_plane_arguments(plane)
+        )["d"]
+        compare(got, plane.distance(ndc, depth), 8 * EPS * max(-plane.near, 1e-6), 16 * EPS)
+
+
+def test_twin_fog_transmittance():
+    ndc = device_coordinates()
+    depth = depths(len(ndc))
+    for plane in near_plane_cases():
+        for k in single([0.0, 0.5, 1000.0]):
+            got = evaluate(
+                results={"a": ("float", "fog_transmittance(k, p, z)")},
+                p=ndc,
+                z=depth,
+                k=np.full(len(ndc), k),
+                **near_plane_arguments(plane),
+            )["a"]
+            path = k * plane.distance(ndc, depth)
+            compare(
+                got,
+                under_water.fog_transmittance(plane, k, ndc, depth),
+                1e-37 + 8 * EPS * k * max(-plane.near, 1e-6),
+                32 * EPS * (1.0 + np.minimum(path, 100.0)),
+            )
+            assert np.all(got[depth == 1.0] == 0.0)
+
+
+def test_twin_meniscus_weight():
+    height = single(np.concatenate([RNG(26).normal(size=2000) * 1e-3, [0.0, 1e5, -1e5]]))
+    per_pixel = single(np.concatenate([RNG(27).uniform(0, 1e-3, 2000), [0.0, 1e5, 1e-4]]))
+    got = evaluate(
+        ["optics_lib.glsl", "fog_lib.glsl"],
+        # The library's block must be used, or the driver drops it.
+        {"w": ("float", "meniscus_weight(h, d, 3.0)"), "also": ("vec3", "near_offset(vec2(h, d))")},
+        uniform_buffers=near_plane_arguments(next(iter(near_plane_cases())))["uniform_buffers"],
+        h=height,
+        d=per_pixel,
+    )["w"]
+    compare(got, under_water.meniscus_weight(height, per_pixel, 3.0), 32 * EPS)
+
+
+def height_cases():
+    """Near planes at the pond's surface, and maps of it with an edge of the water in them."""
+    for camera in (
+        scenes.look_at((1, -2, 0.05), (0, 3, 0)),
+        scenes.look_at((1, -2, 0.05), (0, 3, 0), near=1e-4),
+        scenes.look_at((1, -2, 0.05), (1, -2, -1)),
+        scenes.look_at((1, -2, 0.05), (0, 3, 0), ortho=30.0),
+    ):
+        plane = under_water.near_plane(camera.view, camera.projection)
+        heights = under_water.height_map(plane, -0.3, 0.3)
+        n = under_water.HEIGHT_TEXELS
+        at = heights.corner + (np.stack(np.meshgrid(*2 * [np.arange(n) + 0.5]), -1)) / n * heights.size
+        texels = waves.height(planned().bodies[0].packed_waves, at)
+        yield plane, heights, single(texels)
+        texels = np.where(np.arange(n) < n // 3, under_water.NO_WATER, texels)
+        yield plane, heights, single(texels)
+
+
+def test_twin_surface_height():
+    """Rounding of x and y, in texels, times what a texel may differ from the next; beyond the map, too."""
+    for plane, heights, texels in height_cases():
+        xy = heights.corner + RNG(28).uniform(-0.1, 1.1, (2000, 2)) * heights.size
+        xy = single(xy)
+        got = evaluate(
+            results={"h": ("float", "surface_height(p)"), "also": ("vec3", "near_offset(p)")},
+            p=xy,
+            **near_plane_arguments(plane, heights, texels),
+        )["h"]
+        step = max(np.abs(np.diff(texels, axis=i)).max() for i in (0, 1))
+        in_texels = EPS * (4.0 * np.abs(xy).max() / heights.size.min() * len(texels) + 4.0 * len(texels))
+        compare(got, heights.height(texels, xy), 2.0 * step * in_texels + 4 * EPS * np.abs(texels).max())
+
+
+def test_twin_height_over_surface():
+    ndc = device_coordinates()
+    for plane, heights, texels in height_cases():
+        got = evaluate(
+            results={"h": ("float", "height_over_surface(p)")},
+            p=ndc,
+            **near_plane_arguments(plane, heights, texels),
+        )["h"]
+        begin = plane.point(ndc)
+        want = begin[:, 2] - heights.height(texels, begin[:, :2])
+        step = max(np.abs(np.diff(texels, axis=i)).max() for i in (0, 1))
+        size = np.abs(begin).max() + sum(np.linalg.norm(p) for p in (plane.center, plane.right, plane.up))
+        in_texels = EPS * (8.0 * size / heights.size.min() * len(texels) + 4.0 * len(texels))
+        compare(got, want, 2.0 * step * in_texels + 8 * EPS * (size + np.abs(texels).max()))
 
 
 # view_transform_lib.glsl

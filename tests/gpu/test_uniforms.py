@@ -31,7 +31,7 @@ def structs():
 
 def test_only_members_of_whole_vectors_are_used():
     """vec4, mat4 and arrays of them: with others std140 pads, and `uniforms.py` does not."""
-    assert set(structs()) == {"Lights", "View", "Water", "WaterLight"}
+    assert set(structs()) == {"Lights", "View", "Water", "WaterLight", "NearPlane"}
     for name, members in structs().items():
         for kind, member, _ in members:
             assert kind in SIZES, f"{kind} {member} in struct {name}"
@@ -39,6 +39,7 @@ def test_only_members_of_whole_vectors_are_used():
 
 def member_arrays():
     """Distinct numbers for every component, through the functions that fill the real buffers."""
+    from lake_water_addon.core import under_water
     from lake_water_addon.core.plan import plan_frame
     from lake_water_addon.core.settings import FrameSettings
     from lake_water_addon.core.snapshot import Sky, Sun, WaterSettings
@@ -62,15 +63,17 @@ def member_arrays():
         jitter=(0.01, 0.02),
     )
     body_plan = plan.bodies[0]
+    begin = under_water.near_plane(plan.camera.view, plan.camera.projection)
     return {
         "Lights": uniforms.lights(plan),
         "View": uniforms.texture_view(body_plan.reflection),
         "Water": uniforms.water(plan, body_plan),
         "WaterLight": uniforms.water_light(plan, body_plan),
+        "NearPlane": uniforms.near_plane(begin, under_water.height_map(begin, -1.0, 2.0)),
     }
 
 
-@pytest.mark.parametrize("struct", ["Lights", "View", "Water", "WaterLight"])
+@pytest.mark.parametrize("struct", ["Lights", "View", "Water", "WaterLight", "NearPlane"])
 def test_every_member_arrives(struct):
     from lake_water_addon.render.resources import Resources
     from lake_water_addon.render.uniforms import UniformBlock

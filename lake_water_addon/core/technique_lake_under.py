@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Lake technique from under water: the float64 twin of `gpu_shaders/technique_lake_under_lib.glsl`.
+
+Points and directions are in render space (see `plan`), arrays (n, 3). The normal N points from the
+water to the air, E from the surface to the eye: E.N < 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import cameras, optics
+from .lookup import Lookup, inside_texture
+from .plan import TexturePass
+from .snapshot import WaterSettings
+
+RAY_LENGTH = 1.5
+"""m, the thesis's constant of that name: how far a ray is followed before it is looked up."""
+
+REACHES = (1.0, 0.5, 0.25, 0.0)
+"""Parts of RAY_LENGTH that are tried until a lookup finds a colour."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnderTextures:
+    """What the surface looks up, seen from below.
+
+    refraction_color: uv (n, 2) -> premultiplied radiance and alpha (n, 4) of what is above the water;
+    reflection_color: of what is in it, fogged, alpha 1; sky_radiance: unit direction (n, 3) -> (n, 3).
+    refraction, reflection: the cameras of the two. fade: width, as a part of a texture, over which a
+    lookup near its border gives way to its substitute.
+    """
+
+    refraction_color: Lookup
+    reflection_color: Lookup
+    sky_radiance: Lookup
+    refraction: TexturePass
+    reflection: TexturePass
+    fade: float
+
+
+def refraction_without_hole(normal: np.ndarray, to_eye: np.ndarray, n12: float) -> np.ndarray:
+    """R1 = (-N - E) / n12 + N of the thesis, n12 = 1 / 1.33: bends like water, with no total reflection."""
+    return (-normal - to_eye) / n12 + normal
+
+
+def _coordinates(planned: TexturePass, points: np.ndarray) -> np.ndarray:
+    in_camera = points @ planned.view[:3, :3].T + planned.view[:3, 3]
+    return cameras.to_texture(planned.projection, in_camera)
+
+
+def radiance_from_above(surface: np.ndarray, direction: np.ndarray, textures: UnderTextures) -> np.ndarray:
+    """(n, 3) radiance of what is above, looked up at U + m R or nearer to U; outside the texture, the sky."""
+    texel = np.zeros((len(surface), 4))
+    uv = np.zeros((len(surface), 2))
+    open_rays = np.ones(len(surface), bool)
+    for part in REACHES:
+        at = _coordinates(textures.refraction, surface + part * RAY_LENGTH * direction)
+        uv[open_rays] = at[open_rays]
+        texel[open_rays] = textures.refraction_color(uv)[open_rays]
+        open_rays &= texel[:, 3] <= 0.5
+    color = texel[:, :3] / np.maximum(texel[:, 3:], 1e-4)
+    known = np.clip(4.0 * texel[:, 3], 0.0, 1.0) * inside_texture(uv, textures.fade)
+    sky = textures.sky_radiance(optics.rising(direction))
+    return sky + known[:, None] * (color - sky)
+
+
+def radiance_from_below(
+    surface: np.ndarray, direction: np.ndarray, settings: WaterSettings, textures: UnderTextures
+) -> np.ndarray:
+    """(n, 3) radiance of what is in the water, looked up at U + m R; outside the texture, water_color."""
+    uv = _coordinates(textures.reflection, surface + RAY_LENGTH * direction)
+    color = np.array(settings.water_color)
+    known = inside_texture(uv, textures.fade)[:, None]
+    return color + known * (textures.reflection_color(uv)[:, :3] - color)
+
+
+def water_radiance_from_below(
+    surface: np.ndarray,
+    normal: np.ndarray,
+    to_eye: np.ndarray,
+    path: np.ndarray,
+    settings: WaterSettings,
+    textures: UnderTextures,
+    *,
+    exact: bool,
+) -> np.ndarray:
+    """(n, 3) radiance of the surface at U seen from below; path: (n,) m through the water to the eye.
+
+    exact: the refracted direction with total internal reflection and Fresnel's equations, in place of
+    R1 and Schlick's term with |N.E|.
+    """
+    n12 = 1.0 / settings.ior
+    cosine = -np.sum(to_eye * normal, axis=-1, keepdims=True)
+    if exact:
+        bent, exists = optics.refract_direction(-to_eye, -normal, settings.ior)
+        bent = np.where(exists[:, None], bent, normal)  # of no weight there, but a direction
+        fresnel = np.where(exists[:, None], optics.fresnel_dielectric(cosine, settings.ior), 1.0)
+    else:
+        bent = refraction_without_hole(normal, to_eye, n12)
+        fresnel = optics.schlick(cosine, optics.reflectance_at_normal(n12), settings.q)
+    a = optics.attenuation(settings.k, path)[:, None]
+    refracted = optics.through_water(
+        radiance_from_above(surface, bent, textures), np.array(settings.water_color), a
+    )
+    reflected = radiance_from_below(surface, optics.reflect_direction(-to_eye, normal), settings, textures)
+    return optics.mix_fresnel(refracted, reflected, fresnel)

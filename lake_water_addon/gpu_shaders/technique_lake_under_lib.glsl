@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The Lake technique seen from under water (Mihalik's thesis, 2008; MODEL section 1). Twin:
+// core/technique_lake_under.py. N points from the water to the air, E from the surface to the eye: E.N < 0.
+// The block `water` holds the cameras of the two pictures that are looked up from below: refraction is
+// what stands above the water, from the main camera, reflection what lies in it, from the mirrored one.
+
+#include "lookup_lib.glsl"
+
+// m of the thesis: how far along its direction a ray is followed before it is looked up.
+#define RAY_LENGTH 1.5
+
+// R1 of the thesis: bends like water, but leaves no hole of total reflection. Not unit.
+vec3 refraction_without_hole(vec3 normal, vec3 to_eye)
+{
+  return (-normal - to_eye) / water.optics.w + normal;
+}
+
+vec3 radiance_from_above(vec3 surface, vec3 direction)
+{
+  // As from the air: a lookup in the inside of something cut open is drawn back towards the surface.
+  float reach = RAY_LENGTH;
+  vec4 texel = vec4(0.0);
+  vec2 uv = vec2(0.0);
+  for (int i = 0; i < 4; i++) {
+    vec3 w = transform_point(water.refraction_view, surface + reach * direction);
+    uv = to_texture(water.refraction_projection, w);
+    texel = texture(refraction_color, uv);
+    if (texel.a > 0.5) {
+      break;
+    }
+    reach = i < 2 ? 0.5 * reach : 0.0;
+  }
+  vec3 color = texel.rgb / max(texel.a, 1e-4);
+  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+  return known < 1.0 ? mix(sky_radiance(rising(direction)), color, known) : color;
+}
+
+// The texture is fogged already, over the whole way from the mirrored camera.
+vec3 radiance_from_below(vec3 surface, vec3 direction)
+{
+  vec3 w = transform_point(water.reflection_view, surface + RAY_LENGTH * direction);
+  vec2 uv = to_texture(water.reflection_projection, w);
+  return mix(water.color.rgb, texture(reflection_color, uv).rgb, inside_texture(uv));
+}
+
+// path: m through the water from the surface to the eye.
+vec3 water_radiance_from_below(vec3 surface, vec3 normal, vec3 to_eye, float path)
+{
+  float cosine = -dot(to_eye, normal);
+#ifdef EXACT
+  vec3 bent = refract_direction(-to_eye, -normal, 1.0 / water.optics.w);
+  // Which of the two sees the critical angle first is rounding.
+  float fresnel = bent == vec3(0.0) ? 1.0 : fresnel_dielectric(cosine, 1.0 / water.optics.w);
+#else
+  float fresnel = schlick(cosine, water.fresnel.x, water.optics.y);
+  vec3 bent = refraction_without_hole(normal, to_eye);
+#endif
+  vec3 refracted = vec3(0.0);
+  if (fresnel < 1.0) {
+    float a = attenuation(water.optics.x, path);
+    refracted = through_water(radiance_from_above(surface, bent), water.color.rgb, a);
+  }
+  vec3 reflected = radiance_from_below(surface, reflect_direction(-to_eye, normal));
+  return mix_fresnel(refracted, reflected, fresnel);
+}
