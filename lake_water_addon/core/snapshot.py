@@ -56,6 +56,8 @@ class Mesh:
     @cached_property
     def covered_area(self) -> float:
         """Area of its triangles seen along z, in the units of object space, overlaps counted twice."""
+        if not self.parts:
+            return 0.0
         corners = self.positions[np.concatenate([part.triangles for part in self.parts])][..., :2]
         a, b = (corners[:, i].astype(np.float64) - corners[:, 0] for i in (1, 2))
         return float(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum())
