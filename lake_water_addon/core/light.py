@@ -6,6 +6,7 @@ Matrices and points are in render space (see `plan`), float64.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,8 @@ STEPS_PER_WINDOW = 8
 
 MIN_WINDOW = 1e-2
 """m: the least side of a window."""
+
+_TRIPLES = np.array(list(itertools.combinations(range(12), 3)))
 
 DEPTH_MARGIN = 1.0
 """m between the outermost geometry and the near and far planes."""
@@ -83,16 +86,27 @@ def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def visible_part_of_box(low: np.ndarray, high: np.ndarray, to_clip: np.ndarray) -> np.ndarray:
     """Corners (n, 3) of what a view-projection (4, 4) sees of an axis-aligned box; n = 0 when nothing.
 
-    They are corners of the box's faces after clipping, and of the view volume inside the box.
+    The corners of a convex body are those meetings of three of its planes that lie within all others.
     """
-    corners = box_corners(low, high)
-    faces = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-    points = [cameras.clip_polygon(corners[list(face)], to_clip) for face in faces]
-    device = box_corners(-np.ones(3), np.ones(3))
-    volume = np.concatenate([device, np.ones((8, 1))], axis=1) @ np.linalg.inv(to_clip).T
-    volume = volume[:, :3] / volume[:, 3:]
-    points.append(volume[np.all((volume >= low) & (volume <= high), axis=1)])
-    return np.concatenate(points)
+    planes = np.empty((12, 4))  # a point (x, 1) is within a plane p where p . x >= 0
+    planes[0:3] = np.column_stack([np.eye(3), -low])
+    planes[3:6] = np.column_stack([-np.eye(3), high])
+    planes[6:9] = to_clip[3] + to_clip[:3]
+    planes[9:12] = to_clip[3] - to_clip[:3]
+    planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    triples = planes[_TRIPLES]
+    a, b, c = triples[:, 0, :3], triples[:, 1, :3], triples[:, 2, :3]
+    bc = np.cross(b, c)
+    volume = np.sum(a * bc, axis=1)
+    meet = np.abs(volume) > 1e-9  # parallel planes do not
+    w = -triples[meet][..., 3]
+    a, b, c, bc = a[meet], b[meet], c[meet], bc[meet]
+    points = w[:, :1] * bc + w[:, 1:2] * np.cross(c, a) + w[:, 2:] * np.cross(a, b)
+    points /= volume[meet, None]
+    within = points @ planes[:, :3].T + planes[:, 3] >= -1e-6 * (
+        1.0 + np.abs(points).max(axis=1, keepdims=True)
+    )
+    return points[np.all(within, axis=1)]
 
 
 def seen_through(polygon: np.ndarray, view: np.ndarray, projection: np.ndarray, n12: float) -> np.ndarray:

@@ -17,13 +17,16 @@ def sky_irradiance(world: Sky, normal: np.ndarray) -> np.ndarray:
     return np.maximum(sky.evaluate(world.irradiance_sh, normal), 0.0)
 
 
-def diffuse_radiance(albedo: np.ndarray, normal: np.ndarray, sun: Sun | None, world: Sky) -> np.ndarray:
+def sun_in_air(normal: np.ndarray, sun: Sun | None) -> np.ndarray:
+    """(..., 3) irradiance of the sun on surfaces with unit normals (..., 3) that see all of it."""
+    if sun is None:
+        return np.zeros_like(normal)
+    return sun.irradiance * np.maximum(np.sum(normal * sun.direction, axis=-1, keepdims=True), 0.0)
+
+
+def diffuse_radiance(albedo: np.ndarray, normal: np.ndarray, sun: np.ndarray, world: Sky) -> np.ndarray:
     """(..., 3) radiance of a diffuse surface, in every direction; albedo (..., 3), unit normals (..., 3).
 
-    Lambert's law for the sun, albedo / pi times its irradiance times the cosine, plus the sky's part.
+    Lambert's law: albedo / pi times the sun's irradiance (..., 3) and the sky's.
     """
-    light = sky_irradiance(world, normal)
-    if sun is not None:
-        cosine = np.maximum(np.sum(normal * sun.direction, axis=-1, keepdims=True), 0.0)
-        light = light + sun.irradiance * cosine / np.pi
-    return albedo * light
+    return albedo * (sun / np.pi + sky_irradiance(world, normal))

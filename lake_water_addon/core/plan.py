@@ -36,6 +36,15 @@ Bounds = tuple[np.ndarray, np.ndarray]
 LEAST_SEEN = 1.0 / 256.0
 """Part of the light that is left where the water ends the view: beyond, no caustics are needed."""
 
+CASCADES = 3
+"""Shadow textures, each for what is seen within a distance."""
+
+CASCADE_RATIO = 6.0
+"""Each shadow texture reaches so many times farther than the one before."""
+
+LEAST_TEXEL = 4e-3
+"""m: a nearer shadow texture is not worth while when its texels would be smaller."""
+
 LEAST_SUN = 1e-3
 """Least z of the direction to a sun that lights the water: at 0.06 degrees all of it is reflected."""
 
@@ -98,7 +107,8 @@ class BodyPlan:
 class FramePlan:
     """One view of one snapshot. origin: (3,) float64, world position of render space's origin.
 
-    shadow: the camera along the sun for the shadows of what stands above the water, or None.
+    shadows: cameras along the sun for the shadows of what stands above the water; each holds what the view
+    sees within a distance, the nearest first. Empty without sun or shadows.
     """
 
     snapshot: SceneSnapshot
@@ -106,7 +116,7 @@ class FramePlan:
     camera: Camera
     bodies: tuple[BodyPlan, ...]
     settings: FrameSettings
-    shadow: LightCamera | None
+    shadows: tuple[LightCamera, ...]
 
     def without_water(self) -> FramePlan:
         """The same picture with no water in it, to compare with."""
@@ -158,8 +168,8 @@ def plan_frame(
     bodies = tuple(
         _plan_body(body, snapshot, steady, whole, drawn, origin, bounds, settings) for body in snapshot.waters
     )
-    shadow = _plan_shadow(snapshot.sun, steady, bodies, bounds, settings)
-    return FramePlan(snapshot, origin, drawn, bodies, settings, shadow)
+    shadows = _plan_shadows(snapshot.sun, steady, bodies, bounds, settings)
+    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows)
 
 
 def _plan_body(
@@ -288,24 +298,37 @@ def _seen_in_water(
     return np.concatenate(points)
 
 
-def _plan_shadow(
+def _plan_shadows(
     sun: Sun | None,
     camera: Camera,
     bodies: tuple[BodyPlan, ...],
     bounds: Bounds | None,
     settings: FrameSettings,
-) -> LightCamera | None:
-    """The camera for the sun's shadows on all that the view sees, and on the water that lights its bottom."""
+) -> tuple[LightCamera, ...]:
+    """Cameras for the sun's shadows on all that the view sees, and on the water that lights its bottom."""
     if sun is None or bounds is None or not settings.use_shadows:
-        return None
-    points = [visible_part_of_box(*bounds, camera.projection @ camera.view)]
-    for body in bodies:
-        if body.light is not None:
-            points.append(_surface_of(body.light.camera, float(body.origin[2])))
-    points = np.concatenate(points)
+        return ()
+    to_clip = camera.projection @ camera.view
+    seen = visible_part_of_box(*bounds, to_clip)
+    surfaces = [_surface_of(b.light.camera, float(b.origin[2])) for b in bodies if b.light is not None]
+    points = np.concatenate([seen, *surfaces])
     if len(points) == 0:
-        return None
-    return light_camera(-sun.direction, points, bounds, settings.light_depth_size)
+        return ()
+    size = settings.light_depth_size
+    found = [light_camera(-sun.direction, points, bounds, size)]
+    if len(seen) and not cameras.is_orthographic(camera.projection):
+        eye = cameras.eye_position(camera.view)
+        distance = float(np.linalg.norm(seen - eye, axis=1).max())
+        for _ in range(1, CASCADES):
+            distance /= CASCADE_RATIO
+            near = np.maximum(bounds[0], eye - distance), np.minimum(bounds[1], eye + distance)
+            if 2.0 * distance < LEAST_TEXEL * size or np.any(near[0] >= near[1]):
+                break
+            seen = visible_part_of_box(*near, to_clip)
+            if len(seen) == 0:
+                break
+            found.insert(0, light_camera(-sun.direction, seen, bounds, size))
+    return tuple(found)
 
 
 def _surface_of(camera: LightCamera, level: float) -> np.ndarray:

@@ -3,9 +3,14 @@
 
 #define INVERSE_PI 0.3183098861837907
 
-// Radiance of a diffuse surface.
-vec3 diffuse_radiance(vec3 albedo, vec3 normal)
+// Irradiance of the sun on a surface in the air that sees all of it.
+vec3 sun_in_air(vec3 normal)
 {
-  float cosine = max(dot(normal, lights.sun_direction.xyz), 0.0);
-  return albedo * (lights.sun_irradiance.rgb * (cosine * INVERSE_PI) + sky_irradiance(normal));
+  return lights.sun_irradiance.rgb * max(dot(normal, lights.sun_direction.xyz), 0.0);
+}
+
+// Radiance of a diffuse surface under the sun's irradiance and the sky's.
+vec3 diffuse_radiance(vec3 albedo, vec3 normal, vec3 sun)
+{
+  return albedo * (sun * INVERSE_PI + sky_irradiance(normal));
 }

@@ -1,10 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The dry look of the scene. With CLIPPED it draws one side of a water surface, for the
-// refraction and reflection textures: premultiplied, with alpha 1 wherever a colour is known.
+// The look of the scene. With CLIPPED it draws one side of a water surface, for the refraction and
+// reflection textures: premultiplied, with alpha 1 wherever a colour is known. UNDER_WATER lights it
+// through the water; with WATER_LINE, too, only what lies below the waves.
 
 #include "sky_lib.glsl"
 #include "lighting_lib.glsl"
+#ifdef SHADOWS
+#  include "shadow_lib.glsl"
+#endif
+#ifdef UNDER_WATER
+#  include "water_light_lib.glsl"
+#endif
 #ifdef CLIPPED
+#  include "waves_lib.glsl"
+#endif
+#ifdef WATER_LINE
 #  include "waves_lib.glsl"
 #endif
 
@@ -41,7 +51,28 @@ void main()
   // A face seen from behind is lit like its other side. By the face and not by the normal, which leaves
   // of grass have turned up on purpose.
   vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
-  out_color = vec4(diffuse_radiance(albedo, n), 1.0);
+  bool in_air = true;
+#ifdef UNDER_WATER
+  in_air = false;
+#endif
+#ifdef WATER_LINE
+  in_air = v_position.z - water.plane.z > wave_height(v_position.xy - water.plane.xy);
+#endif
+  vec3 sun = vec3(0.0);
+  if (in_air) {
+    sun = sun_in_air(n);
+#ifdef SHADOWS
+    if (max(max(sun.r, sun.g), sun.b) > 0.0) {
+      sun *= sun_visibility(v_position, n);
+    }
+#endif
+  }
+#ifdef UNDER_WATER
+  else {
+    sun = sun_in_water(v_position, n);
+  }
+#endif
+  out_color = vec4(diffuse_radiance(albedo, n, sun), 1.0);
 #ifdef MARK_INSIDE
   // The inside of a solid that the water line cuts open: nothing can be seen there, so that a
   // lookup that lands here must be taken elsewhere.

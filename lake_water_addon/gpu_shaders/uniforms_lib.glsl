@@ -3,6 +3,7 @@
 // layout is the order of the members. All positions are in render space (core/plan.py).
 
 #define MAX_WAVES 32
+#define MAX_SHADOWS 3
 
 struct Lights {
   vec4 sun_direction;    // xyz: unit, towards the sun
@@ -10,9 +11,10 @@ struct Lights {
   vec4 sky;              // rgb: radiance, w: 1 when there is an image
   vec4 sky_image;        // x: strength, y: rotation
   vec4 irradiance_sh[9]; // rgb
-  mat4 shadow_view;       // render space to the camera along the sun
-  mat4 shadow_projection; // orthographic
-  vec4 shadow;            // x: 1 when there is a shadow texture; y: texels a side; z: size of a texel in m
+  mat4 shadow_view;                     // render space to the cameras along the sun
+  mat4 shadow_projections[MAX_SHADOWS]; // orthographic, the smallest window first
+  vec4 shadow;                          // x: number of windows, stacked in one texture; y: texels a side of each
+  vec4 shadow_texels;                   // size in m of a texel of each
 };
 
 struct View {

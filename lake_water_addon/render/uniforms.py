@@ -7,7 +7,7 @@ import numpy as np
 from gpu.types import Buffer, GPUUniformBuf
 
 from ..core import cameras, optics
-from ..core.plan import BodyPlan, FramePlan, TexturePass
+from ..core.plan import CASCADES, BodyPlan, FramePlan, TexturePass
 from ..core.under_water import HEIGHT_TEXELS, HeightMap, NearPlane
 from ..core.waves import MAX_WAVES
 from .resources import Resources
@@ -41,7 +41,10 @@ def _vec4(xyz: np.ndarray, w: float = 0.0) -> np.ndarray:
 
 def lights(plan: FramePlan) -> list[np.ndarray]:
     """Members of struct Lights."""
-    sun, sky, shadow = plan.snapshot.sun, plan.snapshot.sky, plan.shadow
+    sun, sky, shadows = plan.snapshot.sun, plan.snapshot.sky, plan.shadows
+    projections, texels = np.zeros((CASCADES, 4, 4)), np.zeros(4)
+    for i, camera in enumerate(shadows):
+        projections[i], texels[i] = camera.projection.T, camera.texel.max()
     sh = np.zeros((9, 4))
     sh[:, :3] = sky.irradiance_sh
     return [
@@ -50,9 +53,10 @@ def lights(plan: FramePlan) -> list[np.ndarray]:
         _vec4(sky.radiance, 1.0 if sky.image else 0.0),
         np.array([sky.strength, sky.rotation, 0.0, 0.0]),
         sh,
-        shadow.view.T if shadow else np.eye(4),
-        shadow.projection.T if shadow else np.eye(4),
-        np.array([1.0, shadow.resolution, shadow.texel.max(), 0.0]) if shadow else np.zeros(4),
+        shadows[0].view.T if shadows else np.eye(4),
+        projections,
+        np.array([len(shadows), shadows[0].resolution if shadows else 0.0, 0.0, 0.0]),
+        texels,
     ]
 
 

@@ -19,11 +19,13 @@ from lake_water_addon.core import (
     lighting,
     lookup,
     optics,
+    shadows,
     sky,
     technique_lake,
     technique_lake_under,
     under_water,
     view_transform,
+    water_light,
     waves,
 )
 from lake_water_addon.core.plan import plan_frame
@@ -238,6 +240,14 @@ def water_block(plan):
     from lake_water_addon.render.resources import Resources
 
     return uniforms.UniformBlock(Resources()).update(*uniforms.water(plan, plan.bodies[0]))
+
+
+def block_of(members):
+    """A uniform buffer that holds these members."""
+    from lake_water_addon.render.resources import Resources
+    from lake_water_addon.render.uniforms import UniformBlock
+
+    return UniformBlock(Resources()).update(*members)
 
 
 def lights_block(scene):
@@ -526,19 +536,223 @@ def test_twin_sky_irradiance():
 # lighting_lib.glsl
 
 
-def test_twin_diffuse_radiance():
+def test_twin_sun_in_air():
     normals = np.concatenate([unit_vectors(2000, 16), np.eye(3), -np.eye(3)])
-    albedo = single(RNG(17).uniform(0, 1, normals.shape))
     for scene in lit_scenes():
         got = evaluate(
             ["sky_lib.glsl", "lighting_lib.glsl"],
-            {"c": ("vec3", "diffuse_radiance(albedo, n)")},
+            {"c": ("vec3", "sun_in_air(n)")},
+            uniform_buffers={"lights": ("Lights", lights_block(scene))},
+            samplers={"sky_image": ("FLOAT_2D", data_texture(np.zeros((1, 1, 4))))},
+            n=normals,
+        )["c"]
+        compare(got, lighting.sun_in_air(normals, scene.sun), 2e-6)
+
+
+def test_twin_diffuse_radiance():
+    normals = np.concatenate([unit_vectors(2000, 16), np.eye(3), -np.eye(3)])
+    albedo = single(RNG(17).uniform(0, 1, normals.shape))
+    sun = single(RNG(18).uniform(0, 5, normals.shape))
+    for scene in lit_scenes():
+        got = evaluate(
+            ["sky_lib.glsl", "lighting_lib.glsl"],
+            {"c": ("vec3", "diffuse_radiance(albedo, n, sun)")},
             uniform_buffers={"lights": ("Lights", lights_block(scene))},
             samplers={"sky_image": ("FLOAT_2D", data_texture(np.zeros((1, 1, 4))))},
             albedo=albedo,
             n=normals,
+            sun=sun,
         )["c"]
-        compare(got, lighting.diffuse_radiance(albedo, normals, scene.sun, scene.sky), 2e-5)
+        compare(got, lighting.diffuse_radiance(albedo, normals, sun, scene.sky), 2e-5)
+
+
+# shadow_lib.glsl
+
+
+def test_twin_spline_weights():
+    offset = single(np.linspace(-0.5, 0.5, 1001))
+    got = evaluate(["shadow_lib.glsl"], {"w": ("vec3", "spline_weights(x)")}, x=offset)["w"]
+    compare(got, shadows.spline_weights(offset), 4 * EPS)
+    compare(got.sum(axis=1), np.ones(1001), 4 * EPS)
+
+
+def test_twin_normal_offset():
+    normal, to_light = normals_and_eyes()
+    got = evaluate(["shadow_lib.glsl"], {"d": ("float", "normal_offset(n, l, 0.25)")}, n=normal, l=to_light)[
+        "d"
+    ]
+    # The sine is the root of a difference: where it is small, it has the root of the rounding.
+    compare(got, shadows.normal_offset(normal, to_light, 0.25), 2 * 0.25 * np.sqrt(4 * EPS))
+
+
+def shadowed(size=16):
+    """A lit plan with three windows, and random distances to the nearest thing in each, around its points."""
+    plan = planned(light_depth_size=size)
+    assert len(plan.shadows) == 3
+    rng = RNG(30)
+    points, depths = [], []
+    for camera in plan.shadows:
+        inside = np.linalg.inv(camera.projection @ camera.view)
+        device = np.column_stack([rng.uniform(-1.2, 1.2, (400, 2)), rng.uniform(-1, 1, 400), np.ones(400)])
+        here = single((device @ inside.T)[:, :3])
+        points.append(here)
+        depths.append(single(rng.choice(-(here @ camera.view[2, :3]), (size, size))))
+    return plan, np.concatenate(points), depths
+
+
+def test_twin_in_window():
+    plan, points, _ = shadowed()
+    camera = plan.shadows[0]
+    at = single(points @ camera.view[:3, :3].T)
+    got = evaluate(
+        ["shadow_lib.glsl"],
+        {"t": ("vec3", "vec3(texel, inside ? 1.0 : 0.0)")},
+        statements="vec2 texel; bool inside = in_window(m, 16.0, at, texel);",
+        at=at,
+        m=np.repeat(camera.projection[None], len(at), axis=0),
+    )["t"]
+    texel, inside = shadows.in_window(single(camera.projection), 16, at)
+    compare(got[:, :2], texel, 1e-5 * (1 + np.abs(texel)))
+    sure = np.abs(np.stack([texel - 1.5, texel - 14.5])).min(axis=(0, 2)) > 1e-3
+    np.testing.assert_array_equal(got[sure, 2], inside[sure])
+
+
+def test_twin_lit_part():
+    rng = RNG(31)
+    depth = single(rng.uniform(0, 10, (12, 9)))
+    texel = single(rng.uniform(1.5, [7.5, 10.5], (3000, 2)))
+    along = single(rng.uniform(-1, 11, 3000))
+    got = evaluate(
+        ["shadow_lib.glsl"],
+        {"lit": ("float", "lit_part(distances, t, d)")},
+        samplers={"distances": ("FLOAT_2D", data_texture(np.repeat(depth[..., None], 4, axis=2)))},
+        t=texel,
+        d=along,
+    )["lit"]
+    compare(got, shadows.lit_part(depth, texel, along), 1e-5)
+    assert 0.1 < np.mean((got > 0.01) & (got < 0.99)), "no soft edges among the cases"
+
+
+def shadow_options(plan, depths):
+    """What the shadow libraries need: block and texture."""
+    from lake_water_addon.render import uniforms
+
+    return {
+        "defines": {"SHADOWS": ""},
+        "uniform_buffers": {"lights": ("Lights", block_of(uniforms.lights(plan)))},
+        "samplers": {
+            "shadow_depth": (
+                "FLOAT_2D",
+                data_texture(np.repeat(np.concatenate(depths)[..., None], 4, axis=2)),
+            )
+        },
+    }
+
+
+def nearly_even(got, want, share):
+    """Equal but for `share` of the cases, where rounding decides on which side of a texel they lie."""
+    wrong = np.abs(got - want) > 1e-3
+    assert wrong.mean() <= share, f"{wrong.mean():.4f} of the cases differ, first: {np.nonzero(wrong)[0][:5]}"
+
+
+def test_twin_sun_visibility():
+    plan, points, depths = shadowed()
+    normal = unit_vectors(len(points), 33)
+    got = evaluate(
+        ["shadow_lib.glsl"],
+        {"lit": ("float", "sun_visibility(p, n)")},
+        **shadow_options(plan, depths),
+        p=points,
+        n=normal,
+    )["lit"]
+    want = shadows.visibility(points, normal, plan.shadows, depths)
+    assert 0.2 < want.mean() < 0.8
+    nearly_even(got, want, 0.002)
+
+
+# water_light_lib.glsl
+
+
+def in_water():
+    """A lit body of water, points in and around its window, and textures: (plan, points, depth, caustics)."""
+    plan = planned(light_depth_size=16)
+    camera = plan.bodies[0].light.camera
+    rng = RNG(34)
+    points = single(rng.uniform((-40, -40, -6), (40, 40, 1), (4000, 3)))
+    depth = single(rng.choice(-(points @ camera.view[2, :3]), (16, 16)))
+    return plan, points, depth, single(rng.uniform(0, 3, (8, 8, 1)))
+
+
+def water_light_options(plan, depths, depth, caustics):
+    """Blocks, textures and defines of the water's light."""
+    from lake_water_addon.render import uniforms
+
+    body = plan.bodies[0]
+    options = shadow_options(plan, depths)
+    options["defines"]["CAUSTICS"] = ""
+    options["uniform_buffers"] |= {
+        "water": ("Water", block_of(uniforms.water(plan, body))),
+        "water_light": ("WaterLight", block_of(uniforms.water_light(plan, body))),
+    }
+    smooth = data_texture(np.repeat(caustics, 4, axis=2))
+    smooth.filter_mode(True)
+    smooth.extend_mode("EXTEND")
+    options["samplers"] |= {
+        "light_depth": ("FLOAT_2D", data_texture(np.repeat(depth[..., None], 4, axis=2))),
+        "caustics": ("FLOAT_2D", smooth),
+    }
+    return options
+
+
+def evaluate_in_water(expression, **inputs):
+    """The expression, which is a float, over the points of `in_water`; and what the twin needs."""
+    plan, points, depth, caustics = in_water()
+    depths = shadowed()[2]
+    got = evaluate(
+        ["water_light_lib.glsl"],
+        {"x": expression},
+        **water_light_options(plan, depths, depth, caustics),
+        p=points,
+        **inputs,
+    )["x"]
+    body = plan.bodies[0]
+    up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+
+    def caustic(uv):
+        return linear_filter(caustics)(uv)[:, 0]
+
+    light = water_light.light_through_water(
+        points, body, caustic, lambda at: shadows.visibility(at, up, plan.shadows, depths)
+    )
+    return got, plan, points, depth, light
+
+
+def test_twin_calm_light_path():
+    got, plan, points, _, _ = evaluate_in_water(("float", "calm_light_path(p)"))
+    compare(got, water_light.calm_light_path(points, plan.bodies[0]), 1e-5)
+
+
+def test_twin_light_through_water():
+    got, _, _, _, light = evaluate_in_water(("float", "light_through_water(p)"))
+    # 8-bit fractions in the texture filter.
+    assert np.mean(np.abs(got - light) > 0.02) < 0.01, np.abs(got - light).max()
+
+
+def test_twin_water_light_visibility():
+    normal = unit_vectors(4000, 35)
+    got, plan, points, depth, _ = evaluate_in_water(("float", "water_light_visibility(p, n)"), n=normal)
+    want = shadows.visibility(points, normal, [plan.bodies[0].light.camera], [depth])
+    nearly_even(got, want, 0.002)
+
+
+def test_twin_sun_in_water():
+    normal = unit_vectors(4000, 35)
+    got, plan, points, depth, light = evaluate_in_water(("vec3", "sun_in_water(p, n)"), n=normal)
+    body, sun = plan.bodies[0], plan.snapshot.sun
+    visible = shadows.visibility(points, normal, [body.light.camera], [depth])
+    want = water_light.sun_in_water(normal, body, sun, light, visible)
+    assert want.max() > 1.0
+    assert np.mean(np.abs(got - want).max(axis=1) > 0.02 * sun.irradiance.max()) < 0.01
 
 
 # technique_lake_lib.glsl

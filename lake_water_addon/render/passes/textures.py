@@ -12,7 +12,7 @@ from gpu.types import GPUUniformBuf
 
 from ...core.plan import TexturePass
 from ..targets import Target, Targets
-from .geometry import GeometryPainter
+from .geometry import GeometryPainter, SceneLook
 
 NO_BOTTOM = 1e5
 """m: the depth where nothing was drawn: water without a bottom."""
@@ -38,7 +38,7 @@ def draw_refraction(
     painter: GeometryPainter,
     planned: TexturePass,
     target: Target,
-    lights: GPUUniformBuf,
+    look: SceneLook,
     view: GPUUniformBuf,
     water: GPUUniformBuf,
 ) -> None:
@@ -49,14 +49,14 @@ def draw_refraction(
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
-        painter.draw_scene(lights, view, side=planned, water=water, linear_depth=True)
+        painter.draw_scene(look, view, side=planned, water=water, linear_depth=True)
 
 
 def draw_reflection(
     painter: GeometryPainter,
     planned: TexturePass,
     target: Target,
-    lights: GPUUniformBuf,
+    look: SceneLook,
     view: GPUUniformBuf,
     water: GPUUniformBuf,
 ) -> None:
@@ -68,8 +68,8 @@ def draw_reflection(
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         with drawn_region(planned.region, target.size):
-            painter.draw_scene(lights, view, side=planned, water=water, mark_insides=True)
-            painter.draw_sky(lights, view)
+            painter.draw_scene(look, view, side=planned, water=water, mark_insides=True)
+            painter.draw_sky(look.lights, view)
 
 
 @contextmanager
