@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 
 import bpy
 
+from .core.extents import Extents
 from .core.plan import FramePlan, plan_frame
 from .core.settings import FrameSettings
 from .core.snapshot import Camera, SceneSnapshot
@@ -60,6 +61,7 @@ class Host:
         self.extractor = SceneExtractor()
         self.renderer = FrameRenderer()
         self.report = FrameReport()
+        self._extents: Extents | None = None
         self._recent: deque[float] = deque(maxlen=20)
 
     def begin(self, resolution: tuple[int, int]) -> None:
@@ -84,7 +86,8 @@ class Host:
     def plan(self, snapshot: SceneSnapshot, camera: Camera, scene: bpy.types.Scene, **options) -> FramePlan:
         """Plan with the scene's settings, timed. options: those of `plan_frame`."""
         start = time.perf_counter()
-        plan = plan_frame(snapshot, camera, frame_settings(scene), **options)
+        plan = plan_frame(snapshot, camera, frame_settings(scene), extents=self._extents, **options)
+        self._extents = plan.extents
         self.report.planning_s += time.perf_counter() - start
         self.report.water_drawn = tuple(
             f"{body.body.name}: {'drawn' if body.drawn else 'not drawn'}, {body.reason}"

@@ -16,14 +16,16 @@ from . import cameras, optics
 STEPS_PER_DOUBLING = 4
 """Sizes that a window may have between one and twice that."""
 
-SLACK = 1.25
+SLACK = 1.07
 """A window is at least so many times larger than what it must hold."""
 
-STEPS_PER_WINDOW = 8
+STEPS_PER_WINDOW = 16
 """A window moves by a part of its size, so that a moving view does not ask for a new one in each frame."""
 
 MIN_WINDOW = 1e-2
 """m: the least side of a window."""
+
+_UNIT_CORNERS = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
 
 _TRIPLES = np.array(list(itertools.combinations(range(12), 3)))
 
@@ -80,7 +82,12 @@ def window(low: float, high: float, resolution: int) -> tuple[float, float]:
 
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """(8, 3) corners of an axis-aligned box."""
-    return np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), axis=-1).reshape(-1, 3)
+    return low + _UNIT_CORNERS * (high - low)
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Cross products of rows (n, 3), without what numpy's own spends on other shapes."""
+    return a[:, (1, 2, 0)] * b[:, (2, 0, 1)] - a[:, (2, 0, 1)] * b[:, (1, 2, 0)]
 
 
 def visible_part_of_box(low: np.ndarray, high: np.ndarray, to_clip: np.ndarray) -> np.ndarray:
@@ -96,12 +103,12 @@ def visible_part_of_box(low: np.ndarray, high: np.ndarray, to_clip: np.ndarray) 
     planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
     triples = planes[_TRIPLES]
     a, b, c = triples[:, 0, :3], triples[:, 1, :3], triples[:, 2, :3]
-    bc = np.cross(b, c)
+    bc = _cross(b, c)
     volume = np.sum(a * bc, axis=1)
     meet = np.abs(volume) > 1e-9  # parallel planes do not
     w = -triples[meet][..., 3]
     a, b, c, bc = a[meet], b[meet], c[meet], bc[meet]
-    points = w[:, :1] * bc + w[:, 1:2] * np.cross(c, a) + w[:, 2:] * np.cross(a, b)
+    points = w[:, :1] * bc + w[:, 1:2] * _cross(c, a) + w[:, 2:] * _cross(a, b)
     points /= volume[meet, None]
     within = points @ planes[:, :3].T + planes[:, 3] >= -1e-6 * (
         1.0 + np.abs(points).max(axis=1, keepdims=True)
@@ -126,16 +133,25 @@ def light_camera(
     bounds: tuple[np.ndarray, np.ndarray],
     resolution: int,
     margin: float = 0.0,
-) -> LightCamera:
+    within: tuple[np.ndarray, np.ndarray] | None = None,
+) -> LightCamera | None:
     """The camera along `direction` whose picture holds all `points` (n, 3), and `margin` m around them.
+
+    within: corners (3,) of a box outside of which nothing is of use; None when no point is near it.
 
     bounds: lowest and highest corner (3,) of what it may draw; its clip planes lie beyond them, and do
     not depend on the view.
     """
     axes = light_axes(direction)
     at = points @ axes.T
-    x, width = window(at[:, 0].min() - margin, at[:, 0].max() + margin, resolution)
-    y, height = window(at[:, 1].min() - margin, at[:, 1].max() + margin, resolution)
+    low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
+    if within is not None:
+        limit = box_corners(*within) @ axes.T
+        low, high = np.maximum(low, limit.min(axis=0)), np.minimum(high, limit.max(axis=0))
+        if np.any(low[:2] >= high[:2]):
+            return None
+    x, width = window(low[0], high[0], resolution)
+    y, height = window(low[1], high[1], resolution)
     depth = box_corners(*bounds) @ axes[2]
     top, bottom = depth.max() + DEPTH_MARGIN, depth.min() - DEPTH_MARGIN
     view = np.eye(4)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import cameras, optics, waves
+from .extents import Bounds, Extents
 from .light import (
     LightCamera,
     box_corners,
@@ -29,9 +30,6 @@ CLIP_CLEARANCE = 0.02
 """m: how far the clip planes lie beyond the highest (lowest) wave, the thesis's "little bit"."""
 
 WHOLE = (0.0, 0.0, 1.0, 1.0)
-
-Bounds = tuple[np.ndarray, np.ndarray]
-"""Lowest and highest corner (3,) of a box, in render space."""
 
 LEAST_SEEN = 1.0 / 256.0
 """Part of the light that is left where the water ends the view: beyond, no caustics are needed."""
@@ -117,6 +115,7 @@ class FramePlan:
     bodies: tuple[BodyPlan, ...]
     settings: FrameSettings
     shadows: tuple[LightCamera, ...]
+    extents: Extents
 
     def without_water(self) -> FramePlan:
         """The same picture with no water in it, to compare with."""
@@ -149,13 +148,14 @@ def plan_frame(
     *,
     window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
     jitter: tuple[float, float] = (0.0, 0.0),
+    extents: Extents | None = None,
 ) -> FramePlan:
     """Plan one picture.
 
     camera: of the whole picture; window: the part (left, bottom, right, top) of it that is
     drawn, in 0..1 (a border render). The textures are those of the whole picture, so that a
     part of it looks the same when drawn alone. jitter: shift of the picture in device
-    coordinates, for antialiasing.
+    coordinates, for antialiasing. extents: of the last plan's scene, used again while they hold.
     """
     origin = render_origin(snapshot)
     shift = np.eye(4)
@@ -164,12 +164,14 @@ def plan_frame(
     steady = Camera(rebase_view(camera.view, origin), camera.projection)
     whole = replace(steady, projection=shift @ camera.projection)
     drawn = replace(whole, projection=cameras.crop(whole.projection, *window))
-    bounds = _bounds(snapshot, origin)
+    if extents is None or not extents.is_of(snapshot, origin):
+        extents = Extents(snapshot, origin)
     bodies = tuple(
-        _plan_body(body, snapshot, steady, whole, drawn, origin, bounds, settings) for body in snapshot.waters
+        _plan_body(body, snapshot, steady, whole, drawn, origin, extents, settings)
+        for body in snapshot.waters
     )
-    shadows = _plan_shadows(snapshot.sun, steady, bodies, bounds, settings)
-    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows)
+    shadows = _plan_shadows(snapshot.sun, steady, bodies, extents.bounds, settings)
+    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows, extents)
 
 
 def _plan_body(
@@ -179,7 +181,7 @@ def _plan_body(
     whole: Camera,
     drawn: Camera,
     origin: np.ndarray,
-    bounds: Bounds | None,
+    extents: Extents,
     settings: FrameSettings,
 ) -> BodyPlan:
     optics_of = body.settings
@@ -215,24 +217,11 @@ def _plan_body(
         region=_reflection_region(body, snapshot, at, highest, drawn, wide @ mirrored) if visible else WHOLE,
     )
     light = None
-    if visible and bounds is not None and snapshot.sun is not None:
-        light = _plan_light(body, snapshot, steady, at, highest, bounds, settings)
+    if visible and snapshot.sun is not None and snapshot.sun.direction[2] >= LEAST_SUN:
+        sunken = extents.below(level + highest)
+        if sunken is not None:
+            light = _plan_light(body, snapshot, steady, at, highest, sunken, settings)
     return BodyPlan(body, at, packed, refraction, reflection, visible, reason, light)
-
-
-def _bounds(snapshot: SceneSnapshot, origin: np.ndarray) -> Bounds | None:
-    """The box around all that is drawn; None without any."""
-    draws = [draw for draw in snapshot.draws if len(snapshot.meshes[draw.mesh].positions)]
-    if not draws:
-        return None
-    counts = [len(draw.matrices) for draw in draws]
-    corners = np.array([snapshot.meshes[draw.mesh].bounds for draw in draws])
-    center = np.repeat(corners.mean(axis=1), counts, axis=0)
-    half = np.repeat(0.5 * (corners[:, 1] - corners[:, 0]), counts, axis=0)
-    matrices = np.concatenate([draw.matrices for draw in draws])
-    middle = np.einsum("nij,nj->ni", matrices[:, :3, :3], center) + matrices[:, :3, 3] - origin
-    reach = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)
-    return (middle - reach).min(axis=0), (middle + reach).max(axis=0)
 
 
 def _plan_light(
@@ -241,30 +230,32 @@ def _plan_light(
     camera: Camera,
     at: np.ndarray,
     highest: float,
-    bounds: Bounds,
+    sunken: Bounds,
     settings: FrameSettings,
 ) -> WaterLight | None:
-    """Sunlight in the part of the water that the view sees; None when the sun does not reach it."""
+    """Sunlight in the part of the water that the view sees; None when that has no bottom.
+
+    sunken: the box around all that reaches below the highest wave.
+    """
     sun = snapshot.sun.direction
-    if sun[2] < LEAST_SUN or bounds[0][2] >= at[2] + highest:
-        return None
     n12 = 1.0 / body.settings.ior
     level = float(at[2])
-    depth = max(level - float(bounds[0][2]), highest)
+    depth = max(level - float(sunken[0][2]), highest)
     reach = -np.log(LEAST_SEEN) / max(body.settings.k, 1e-9)
     points = _seen_in_water(body, snapshot, camera, at, highest, min(depth, reach), n12)
     if len(points) == 0:
         return None
     direction = sunlight_in_water(sun, n12)
     slope = min(sum(2.0 * np.pi * abs(w.amplitude) / w.wavelength for w in body.settings.waves), 1.0)
-    clip_height = level + highest
-    sunken = (bounds[0], np.append(bounds[1][:2], min(bounds[1][2], clip_height)))
     # Waves turn a ray of sunlight by at most about half their slope.
     margin = highest + 0.5 * slope * min(depth, reach)
     fresnel = optics.schlick(sun[2], optics.reflectance_at_normal(n12), body.settings.q)
+    camera = light_camera(direction, points, sunken, settings.light_depth_size, margin, within=sunken)
+    if camera is None:
+        return None
     return WaterLight(
-        light_camera(direction, points, sunken, settings.light_depth_size, margin),
-        clip_height,
+        camera,
+        level + highest,
         float(sun[2] / -direction[2]),
         float(1.0 - fresnel),
     )

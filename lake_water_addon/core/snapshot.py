@@ -54,6 +54,24 @@ class Mesh:
         return self.positions.min(axis=0).astype(np.float64), self.positions.max(axis=0).astype(np.float64)
 
     @cached_property
+    def _layers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lowest z of each triangle, ascending, and the corners of the boxes around all up to each."""
+        corners = self.positions[np.concatenate([part.triangles for part in self.parts])].astype(np.float64)
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        order = np.argsort(low[:, 2])
+        return (
+            low[order, 2],
+            np.minimum.accumulate(low[order], axis=0),
+            np.maximum.accumulate(high[order], axis=0),
+        )
+
+    def bounds_below(self, height: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """The box around all triangles that reach below a height in object space; None when none does."""
+        lowest, low, high = self._layers
+        last = int(np.searchsorted(lowest, height)) - 1
+        return (low[last], high[last]) if last >= 0 else None
+
+    @cached_property
     def covered_area(self) -> float:
         """Area of its triangles seen along z, in the units of object space, overlaps counted twice."""
         if not self.parts:
