@@ -7,13 +7,21 @@ from dataclasses import dataclass
 
 from .techniques import DEFAULT_TECHNIQUE
 
+CAUSTICS_METHODS = {
+    "AUTO": "Automatic",
+    "CPU": "CPU",
+    "GPU_POINTS": "GPU Points",
+    "GPU_COMPUTE": "GPU Compute",
+}
+"""How photons are summed, with the name that a person reads. AUTO is the fastest that the machine supports."""
+
 
 @dataclass(frozen=True)
 class FrameSettings:
     """Settings of a picture, under the names that they have on `scene.lake_water`.
 
-    texture_size, caustics_size, photon_size, light_depth_size: texels a side. caustics_method: AUTO, CPU,
-    GPU_POINTS or GPU_COMPUTE.
+    texture_size, caustics_size, photon_size, light_depth_size: texels a side. caustics_method: a key
+    of CAUSTICS_METHODS.
     """
 
     technique: str = DEFAULT_TECHNIQUE
