@@ -313,7 +313,7 @@ def _plan_shadows(
         for _ in range(1, CASCADES):
             distance /= CASCADE_RATIO
             near = np.maximum(bounds[0], eye - distance), np.minimum(bounds[1], eye + distance)
-            if 2.0 * distance < LEAST_TEXEL * size or np.any(near[0] >= near[1]):
+            if 2.0 * distance < LEAST_TEXEL * size or np.any(near[0] > near[1]):
                 break
             seen = visible_part_of_box(*near, to_clip)
             if len(seen) == 0:

@@ -40,9 +40,9 @@ def test_only_members_of_whole_vectors_are_used():
 def member_arrays():
     """Distinct numbers for every component, through the functions that fill the real buffers."""
     from lake_water_addon.core import under_water
-    from lake_water_addon.core.plan import plan_frame
+    from lake_water_addon.core.plan import CASCADES, plan_frame
     from lake_water_addon.core.settings import FrameSettings
-    from lake_water_addon.core.snapshot import Sky, Sun, WaterSettings
+    from lake_water_addon.core.snapshot import Material, Sky, Sun, WaterSettings
     from lake_water_addon.core.waves import SineWave
     from lake_water_addon.render import uniforms
     from tests.gpu import scenes
@@ -53,16 +53,24 @@ def member_arrays():
     settings = WaterSettings(0.31, 4.5, 1.7, 1.41, (0.11, 0.22, 0.33), many)
     body = scenes.water((3, 4, 5))
     body = replace(body, settings=settings, grid=(49, 7.0, 8.0, 9.0, 10.0))
+    bed, sand = scenes.grid_mesh("bed", 5, 40.0, 4.8), Material("sand", np.ones(3))
     scene = scenes.snapshot(
-        (), (), (), (body,), sky, Sun(np.array([0.6, 0.0, 0.8]), np.array([3.0, 2.0, 1.0]))
+        (bed,),
+        (sand,),
+        (("bed", "sand", [np.eye(4)]),),
+        (body,),
+        sky,
+        Sun(np.array([0.6, 0.0, 0.8]), np.array([3.0, 2.0, 1.0])),
     )
     plan = plan_frame(
         scene,
-        scenes.look_at((1, -9, 12), (0, 1, 5)),
-        FrameSettings(texture_size=64, intersection_steps=7),
+        scenes.look_at((1, -9, 5.6), (0, 1, 5)),
+        FrameSettings(texture_size=64, intersection_steps=7, light_depth_size=64),
         jitter=(0.01, 0.02),
     )
     body_plan = plan.bodies[0]
+    assert len(plan.shadows) == CASCADES
+    assert body_plan.light is not None
     begin = under_water.near_plane(plan.camera.view, plan.camera.projection)
     return {
         "Lights": uniforms.lights(plan),
@@ -90,6 +98,7 @@ def test_every_member_arrives(struct):
             ("vec4", False): f"block.{member}",
             ("vec4", True): f"block.{member}[int(i)]",
             ("mat4", False): f"block.{member}[int(i)]",
+            ("mat4", True): f"block.{member}[int(i) / 4][int(i) % 4]",
         }[kind, length is not None]
         got = evaluate([], {"v": ("vec4", expression)}, uniform_buffers={"block": (struct, block)}, i=index)[
             "v"
