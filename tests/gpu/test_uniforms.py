@@ -53,7 +53,7 @@ def member_arrays():
     settings = WaterSettings(0.31, 4.5, 1.7, 1.41, (0.11, 0.22, 0.33), many)
     body = scenes.water((3, 4, 5))
     body = replace(body, settings=settings, grid=(49, 7.0, 8.0, 9.0, 10.0))
-    bed, sand = scenes.grid_mesh("bed", 5, 40.0, 4.8), Material("sand", np.ones(3))
+    bed, sand = scenes.grid_mesh("bed", 5, 40.0, 4.9), Material("sand", np.ones(3))
     scene = scenes.snapshot(
         (bed,),
         (sand,),
@@ -64,7 +64,7 @@ def member_arrays():
     )
     plan = plan_frame(
         scene,
-        scenes.look_at((1, -9, 5.6), (0, 1, 5)),
+        scenes.look_at((1, -9, 5.2), (0, 1, 4)),
         FrameSettings(texture_size=64, intersection_steps=7, light_depth_size=64),
         jitter=(0.01, 0.02),
     )
