@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import bpy
 from bpy.app.handlers import persistent
 
+from .sun_lights import SunFinder
 from .water_objects import WaterFinder
 
 SceneCallback = Callable[[bpy.types.Scene, bpy.types.Depsgraph], None]
@@ -39,8 +40,14 @@ class _State:
     """What lives between register() and unregister()."""
 
     finder: WaterFinder = field(default_factory=WaterFinder)
+    suns: SunFinder = field(default_factory=SunFinder)
     listeners: list[Listener] = field(default_factory=list)
     statistics: tuple[str, ...] = ()
+
+    def forget_objects(self) -> None:
+        """Keep no reference to any object."""
+        self.finder.forget()
+        self.suns.forget()
 
 
 _state: _State | None = None
@@ -68,6 +75,11 @@ def waters(scene: bpy.types.Scene) -> list[bpy.types.Object]:
     return _require_state().finder.waters(scene)
 
 
+def has_sun(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bool:
+    """Whether the scene has a sun light, cheap enough for a panel. view_layer: one of the scene's."""
+    return _require_state().suns.has_sun(scene, view_layer)
+
+
 def publish_statistics(lines: Sequence[str]) -> None:
     """Lines of text that the Display panel shows below its switch, such as the time of each pass."""
     _require_state().statistics = tuple(lines)
@@ -92,14 +104,14 @@ def _call(callback: Callable[..., None] | None, *args: object) -> None:
 def _forget_objects(*_args: object) -> None:
     """Before the objects in memory are exchanged: no reference may outlive them."""
     if _state is not None:
-        _state.finder.forget()
+        _state.forget_objects()
 
 
 @persistent
 def _load_post(_filepath: str, *_args: object) -> None:
     if _state is None:
         return
-    _state.finder.forget()
+    _state.forget_objects()
     _state.statistics = ()
     for listener in tuple(_state.listeners):
         _call(listener.loaded)
@@ -109,7 +121,7 @@ def _load_post(_filepath: str, *_args: object) -> None:
 def _undo_post(_scene: bpy.types.Scene, *_args: object) -> None:
     if _state is None:
         return
-    _state.finder.forget()
+    _state.forget_objects()
     for listener in tuple(_state.listeners):
         _call(listener.undone)
 

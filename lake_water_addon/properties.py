@@ -350,9 +350,9 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         "Larger gives sharper shadows",
         default=DEFAULTS.light_depth_size,
         min=16,
-        max=8192,
+        max=4096,
         soft_min=256,
-        soft_max=4096,
+        soft_max=2048,
         subtype="PIXEL",
         **NOTIFY,
     )

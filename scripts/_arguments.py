@@ -15,6 +15,11 @@ def number(text: str) -> float:
     return value
 
 
+def identifier(text: str) -> str:
+    """A name as Blender writes it: GPU_POINTS for gpu-points."""
+    return text.upper().replace("-", "_")
+
+
 def count(text: str) -> int:
     """A whole number of at least 1."""
     value = int(text)

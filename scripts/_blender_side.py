@@ -28,9 +28,24 @@ from mathutils import Vector
 PACKAGE = "lake_water_addon"  # in a checkout
 EXTENSION = "lake_water"  # installed: bl_ext.<repository>.lake_water
 ENGINE = "LAKE_WATER"
-# Properties that options of the same name set. Their ranges and choices are stated where they are defined.
-SCENE_SETTINGS = ("technique", "samples", "fov_ext", "texture_size", "intersection_steps")
+# Properties that options of the same name (without "use_") set. Their ranges and choices are stated where
+# they are defined.
+SUN_SETTINGS = (
+    *("use_caustics", "caustics_method", "caustics_size", "photon_size", "caustics_steps"),
+    *("use_shadows", "light_depth_size"),
+    *("use_glow", "glow_strength", "glow_exponent", "glow_threshold"),
+)
+SCENE_SETTINGS = (
+    *("technique", "samples", "fov_ext", "texture_size", "intersection_steps", "use_exact_under_water"),
+    *SUN_SETTINGS,
+)
 WATER_SETTINGS = ("k", "q", "c", "water_color")
+# Which switches have to be on (one of them is enough) for a setting to change the picture.
+NEEDS = {
+    **dict.fromkeys(("caustics_method", "caustics_size", "photon_size", "caustics_steps"), ("use_caustics",)),
+    "light_depth_size": ("use_shadows", "use_caustics"),
+    **dict.fromkeys(("glow_strength", "glow_exponent", "glow_threshold"), ("use_glow",)),
+}
 DEMO_RESOLUTION = (960, 540)
 DEMO_FRAMES = 96
 
@@ -105,6 +120,9 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
     water = part_of(package, "water_objects").waters_of(scene)
     frames = _frame_numbers(scene, options, lake is not None)
     _apply_settings(scene, water, options)
+    _require_gpu_size(package, scene)
+    has_sun = part_of(package, "handlers").has_sun(scene, scene.view_layers[0])
+    notes += _without_effect(scene, options, has_sun)
     if options.water_level is not None:
         _set_water_level(scene, water, options.water_level)
     if options.obj is not None:
@@ -172,8 +190,15 @@ def _frame_numbers(scene: bpy.types.Scene, options: Namespace, generated: bool) 
     return list(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
 
 
+def _option(name: str) -> str:
+    """The option of a property."""
+    return "--" + name.removeprefix("use_").replace("_", "-")
+
+
 def _require_range(prop: bpy.types.Property, value: Any, option: str) -> None:
     """Refuse a value that Blender would clamp or does not know. Raises UsageProblem."""
+    if prop.type == "BOOLEAN":
+        return
     if prop.type == "ENUM":
         known = [item.identifier for item in prop.enum_items]
         if value not in known:
@@ -194,13 +219,13 @@ def _apply_settings(scene: bpy.types.Scene, water: Sequence[bpy.types.Object], o
     if not water:
         given = [name for name in (*WATER_SETTINGS, "water_level") if getattr(options, name) is not None]
         if given:
-            raise UsageProblem(f"--{given[0].replace('_', '-')}: the scene has no water to set it on")
+            raise UsageProblem(f"{_option(given[0])}: the scene has no water to set it on")
     for group, names in groups:
         for name in names:
             value = getattr(options, name)
             if value is None:
                 continue
-            option = f"--{name.replace('_', '-')}"
+            option = _option(name)
             _require_range(group.bl_rna.properties[name], value, option)
             try:
                 setattr(group, name, value)
@@ -209,11 +234,34 @@ def _apply_settings(scene: bpy.types.Scene, water: Sequence[bpy.types.Object], o
                     f"{option}: {group.id_data.name} is linked from another file and cannot be changed: "
                     "make it local or a library override there"
                 ) from None
+
+
+def _require_gpu_size(package: ModuleType, scene: bpy.types.Scene) -> None:
+    """Refuse textures that the GPU cannot hold. Raises UsageProblem."""
     limit = max_picture_size()
-    if scene.lake_water.texture_size > limit:
-        raise UsageProblem(
-            f"--texture-size {scene.lake_water.texture_size}: this GPU draws at most {limit} pixels a side"
-        )
+    windows = part_of(package, "core.plan").CASCADES  # one above the other in one texture
+    for name, times in {
+        **dict.fromkeys(("texture_size", "caustics_size", "photon_size"), 1),
+        "light_depth_size": windows,
+    }.items():
+        size = getattr(scene.lake_water, name)
+        if size * times > limit:
+            raise UsageProblem(f"{_option(name)} {size}: this GPU takes at most {limit // times}")
+
+
+def _without_effect(scene: bpy.types.Scene, options: Namespace, has_sun: bool) -> list[str]:
+    """Notes about options that change nothing in the picture, by what the scene is set to."""
+    settings = scene.lake_water
+    given = [name for name in SUN_SETTINGS if getattr(options, name) not in (None, False)]
+    if given and not has_sun:
+        return [f"{_option(given[0])} has no effect: the scene has no sun light"]
+    notes = []
+    for name in given:
+        needed = NEEDS.get(name, ())
+        if needed and not any(getattr(settings, switch) for switch in needed):
+            switches = " or ".join(_option(switch) for switch in needed)
+            notes.append(f"{_option(name)} has no effect without {switches}")
+    return notes
 
 
 def _set_water_level(scene: bpy.types.Scene, water: Sequence[bpy.types.Object], level: float) -> None:

@@ -23,8 +23,9 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from statistics import median
 from types import ModuleType
@@ -36,7 +37,7 @@ for _folder in (str(CHECKOUT), str(SCRIPTS)):
     if _folder not in sys.path:
         sys.path.insert(0, _folder)
 
-from _arguments import color, count, number, size  # noqa: E402 - after the path
+from _arguments import color, count, identifier, number, size  # noqa: E402 - after the path
 from _console import STOPPED, Console, Interrupted, Interrupts, Progress, duration  # noqa: E402
 from _frame_files import (  # noqa: E402
     Output,
@@ -84,8 +85,8 @@ def readable_file(text: str) -> Path:
     return path
 
 
-def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
-    """The command line. techniques: the identifiers to choose from."""
+def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParser:
+    """The command line. choices: as `known_choices` gives them."""
     parser = argparse.ArgumentParser(
         prog="render.py",
         description=(__doc__ or "").split("\n\n")[0],
@@ -140,8 +141,8 @@ def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
     add = group.add_argument
     add(
         "--technique",
-        type=lambda text: text.upper().replace("-", "_"),
-        choices=techniques,
+        type=identifier,
+        choices=choices["technique"],
         help="how it is computed",
     )
     add("--k", type=number, metavar="K", help="attenuation, 1/m")
@@ -166,6 +167,12 @@ def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
         metavar="N",
         help="of the search for the bottom along a refracted ray",
     )
+    add(
+        "--exact-under-water",
+        action=argparse.BooleanOptionalAction,
+        dest="use_exact_under_water",
+        help="from under water: exact refraction and total reflection",
+    )
     add("--water-level", type=number, metavar="Z", help="height of the water plane, m")
     add(
         "--obj",
@@ -174,6 +181,47 @@ def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
         help="Wavefront OBJ to stand in the water, half of it below",
     )
 
+    group = parser.add_argument_group(
+        "sunlight", "default: the scene's own; all of it needs a sun light there"
+    )
+    add = group.add_argument
+    add(
+        "--caustics",
+        action=argparse.BooleanOptionalAction,
+        dest="use_caustics",
+        help="light that the waves focus on the bottom",
+    )
+    add(
+        "--caustics-method",
+        type=identifier,
+        choices=choices["caustics_method"],
+        help="how photons are summed; AUTO is the fastest that the machine supports",
+    )
+    add("--caustics-size", type=count, metavar="N", help="width and height of the caustics texture")
+    add("--photon-size", type=count, metavar="N", help="photons along each side of the lit surface")
+    add("--caustics-steps", type=count, metavar="N", help="of the search for the bottom along a photon's way")
+    add(
+        "--shadows",
+        action=argparse.BooleanOptionalAction,
+        dest="use_shadows",
+        help="shadows of the sun, on land and under water",
+    )
+    add(
+        "--light-depth-size",
+        type=count,
+        metavar="N",
+        help="width and height of the depth textures as seen from the sun",
+    )
+    add(
+        "--glow",
+        action=argparse.BooleanOptionalAction,
+        dest="use_glow",
+        help="star around the sun's mirror image in the waves",
+    )
+    add("--glow-strength", type=number, metavar="S", help="brightness of the glow")
+    add("--glow-exponent", type=number, metavar="E", help="the higher, the smaller the sun's mirror image")
+    add("--glow-threshold", type=number, metavar="T", help="brightness, 0 to 1, below which nothing glows")
+
     group = parser.add_argument_group("demonstration lake")
     add = group.add_argument
     add("--seed", type=int, metavar="N", help="another number gives another lake")
@@ -181,14 +229,18 @@ def build_parser(techniques: Sequence[str]) -> argparse.ArgumentParser:
     return parser
 
 
-def technique_names() -> list[str]:
-    """The techniques of the extension that is going to be used, without starting Blender for it."""
+def known_choices() -> dict[str, list[str]]:
+    """By property, what the extension that is going to be used knows, without starting Blender for it."""
     package = "lake_water_addon"
     if "bpy" in sys.modules:
         from _blender_side import enabled_extension
 
         package = enabled_extension() or package
-    return list(__import__(f"{package}.core.techniques", fromlist=["TECHNIQUES"]).TECHNIQUES)
+    core = f"{package}.core"
+    return {
+        "technique": list(import_module(f"{core}.techniques").TECHNIQUES),
+        "caustics_method": list(import_module(f"{core}.settings").CAUSTICS_METHODS),
+    }
 
 
 def check_inputs(options: argparse.Namespace) -> None:
@@ -435,7 +487,7 @@ def main() -> int:
     options: argparse.Namespace | None = None
     statistics = context.statistics
     try:
-        parser = build_parser(technique_names())
+        parser = build_parser(known_choices())
         options = parser.parse_args(script_arguments())
         context.console.verbose = options.verbose
         run(options, context)

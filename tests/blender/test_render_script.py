@@ -23,13 +23,19 @@ SIZE = (64, 48)
 
 
 @pytest.fixture(scope="module")
-def frame_files() -> Iterator[ModuleType]:
-    """The script's helper module of that name, which needs no Blender."""
+def scripts() -> Iterator[None]:
+    """The script and its helper modules can be imported."""
     sys.path.insert(0, str(SCRIPTS))
+    yield
+    sys.path.remove(str(SCRIPTS))
+
+
+@pytest.fixture(scope="module")
+def frame_files(scripts: None) -> ModuleType:
+    """The script's helper module of that name, which needs no Blender."""
     import _frame_files
 
-    yield _frame_files
-    sys.path.remove(str(SCRIPTS))
+    return _frame_files
 
 
 @pytest.fixture(scope="module")
@@ -119,6 +125,9 @@ def pixels(bpy: ModuleType, path: Path) -> np.ndarray:
         ("--output x --k nan", r"--k: nan is not a finite number"),
         ("--output x --water-color 0,1", r"--water-color: '0,1': give three numbers"),
         ("--output x --technique SEA", r"--technique: invalid choice: 'SEA' \(choose from .*LAKE"),
+        ("--output x --caustics-method fast", r"--caustics-method: invalid choice: 'FAST' .*GPU_POINTS"),
+        ("--output x --photon-size 0", r"--photon-size: 0 is too small"),
+        ("--output x --glow-strength inf", r"--glow-strength: inf is not a finite number"),
         ("--output x.mov", r"\.mov is not written; give FILE\.mp4"),
         ("--output x.png --frames 2", r"x\.png is one picture .*x_####\.png"),
         ("--output a#b#.png", r"put the frame number in one place"),
@@ -147,6 +156,8 @@ def test_wrong_command_line_is_refused_with_a_remedy(tmp_path: Path, arguments: 
     ("scene", "arguments", "message"),
     [
         ("pool", "--k 1001", r"--k 1001: out of range, give 0 to 1000"),
+        ("pool", "--caustics-size 5000", r"--caustics-size 5000: out of range, give 16 to 4096"),
+        ("pool", "--glow-threshold 2", r"--glow-threshold 2: out of range, give 0 to 1"),
         ("pool", "--resolution 2x8", r"--resolution 2: out of range, give 4 to 65536"),
         ("pool", "--resolution 65536x8", r"65536x8 pixels: this GPU draws at most \d+ a side"),
         (
@@ -318,6 +329,83 @@ def test_an_obj_file_and_the_water_level_change_the_picture(
     assert np.abs(with_box - without)[SIZE[1] // 4 : -SIZE[1] // 4].mean() > 0.02
 
 
+def test_options_of_the_sunlight_reach_the_picture_and_the_statistics(
+    scenes: dict[str, Path], tmp_path: Path
+) -> None:
+    still = (scenes["pool"], "--samples", 1, "--stats", "stats.json", "--output")
+    said = render(
+        *(*still, "off.png", "--no-caustics", "--no-shadows", "--no-glow", "--exact-under-water"),
+        *("--glow-strength", 2, "--caustics-steps", 3, "--light-depth-size", 64),
+        folder=tmp_path,
+    )
+    settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
+    switches = ("use_caustics", "use_shadows", "use_glow", "use_exact_under_water")
+    assert [settings[name] for name in switches] == [False, False, False, True]
+    for note in (
+        "--glow-strength has no effect without --glow",
+        "--caustics-steps has no effect without --caustics",
+        "--light-depth-size has no effect without --shadows or --caustics",
+    ):
+        assert f"note: {note}\n" in said
+
+    said = render(
+        *(*still, "on.png", "--caustics", "--caustics-method", "cpu", "--caustics-size", 64),
+        *("--photon-size", 32, "--caustics-steps", 2, "--shadows", "--light-depth-size", 128),
+        *("--glow", "--glow-strength", 0.5, "--glow-exponent", 100, "--glow-threshold", 0.1),
+        folder=tmp_path,
+    )
+    assert "note" not in said
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    expected = {
+        **dict.fromkeys(("use_caustics", "use_shadows", "use_glow"), True),
+        **{"caustics_method": "CPU", "caustics_size": 64, "photon_size": 32, "caustics_steps": 2},
+        **{"light_depth_size": 128, "glow_strength": 0.5, "glow_exponent": 100.0, "glow_threshold": 0.1},
+        "use_exact_under_water": False,
+    }
+    assert {name: stats["settings"][name] for name in expected} == expected
+    assert "shadow depth" in stats["median"]["passes"]
+
+
+def test_every_setting_of_the_picture_has_an_option(scripts: None) -> None:
+    from dataclasses import fields
+
+    import _blender_side
+    import render as script
+
+    from lake_water_addon.core.settings import FrameSettings
+
+    assert {field.name for field in fields(FrameSettings)} <= set(_blender_side.SCENE_SETTINGS)
+    options = script.build_parser(script.known_choices()).parse_args([])
+    for name in (*_blender_side.SCENE_SETTINGS, *_blender_side.WATER_SETTINGS):
+        assert getattr(options, name) is None, f"{name} is set though nobody asked for it"
+
+
+def test_a_texture_beyond_the_limit_of_the_gpu_is_refused(
+    scripts: None, blender: ModuleType, registered_addon: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import _blender_side
+    from _frame_files import UsageProblem
+
+    monkeypatch.setattr(_blender_side, "max_picture_size", lambda: 4096)
+    scene = blender.context.scene
+    _blender_side._require_gpu_size(registered_addon, scene)
+    scene.lake_water.light_depth_size = 2048
+    with pytest.raises(UsageProblem, match=r"--light-depth-size 2048: this GPU takes at most 1365"):
+        _blender_side._require_gpu_size(registered_addon, scene)
+
+
+def test_without_a_sun_its_options_say_that_they_do_nothing(
+    bpy_module: ModuleType, scenes: dict[str, Path], tmp_path: Path
+) -> None:
+    bpy_module.ops.wm.open_mainfile(filepath=str(scenes["pool"]))
+    bpy_module.data.objects.remove(bpy_module.data.objects["Sun"])
+    bpy_module.ops.wm.save_as_mainfile(filepath=str(tmp_path / "night.blend"), copy=True)
+    said = render("night.blend", "--output", "night.png", "--samples", 1, "--glow", folder=tmp_path)
+    assert "note: --glow has no effect: the scene has no sun light" in said
+    said = render("night.blend", "--output", "night.png", "--samples", 1, "--no-glow", folder=tmp_path)
+    assert "note" not in said
+
+
 def test_a_scene_without_water_is_rendered_with_a_note(scenes: dict[str, Path], tmp_path: Path) -> None:
     said = render(scenes["dry"], "--output", "dry.png", "--samples", 1, folder=tmp_path)
     assert "note: the scene has no water" in said
@@ -373,6 +461,6 @@ def test_every_cut_of_a_picture_is_noticed(frame_files: ModuleType, sequence: Pa
 def test_a_typing_error_is_told_before_blender_is_loaded() -> None:
     code = (
         f"import sys; sys.path.insert(0, {str(SCRIPTS)!r}); import render\n"
-        "render.build_parser(render.technique_names()); sys.exit('bpy' in sys.modules)"
+        "render.build_parser(render.known_choices()); sys.exit('bpy' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
