@@ -135,15 +135,22 @@ def _draw(context: bpy.types.Context) -> None:
         plan.camera.view.tobytes(),
         plan.camera.projection.tobytes(),
         plan.settings,
+        (region.width, region.height),
     )
     if textures_of != _state.textures_of or timer.enabled:  # whoever asks for times wants all of them
         _state.textures_of = None
         host.renderer.draw_textures(plan, timer)
+        if plan.immersed is not None:
+            host.renderer.draw_scene_depth(plan, timer, (region.width, region.height))
         _state.textures_of = textures_of
+    # Blender's own depth cannot be read where it is drawn against: under water, the fog has one of its own.
+    depth = None
+    if plan.immersed is not None:
+        depth = host.renderer.scene_depth((region.width, region.height))
     with _inside_border(context):
         if not _leaves_depth(context):
             host.renderer.draw_depth(plan, timer, framebuffer)
-        host.renderer.draw_water(plan, timer, framebuffer, table)
+        host.renderer.draw_water(plan, timer, framebuffer, depth, view_transform=table)
     host.finish(timer, time.perf_counter() - start)
 
 

@@ -40,6 +40,14 @@ class HeightOrder:
         clear = max(int(np.searchsorted(self.least_above, clear_height, side="left")), start)
         return (clear, count), (start, clear)
 
+    def around(
+        self, lowest: float, highest: float
+    ) -> tuple[tuple[int, int], tuple[int, int], tuple[int, int]]:
+        """Ranges (start, end) of what is wholly below `lowest`, of what may be on both sides, and of what
+        is wholly above `highest`: together, everything."""
+        below, across = self.split(1, highest, lowest)
+        return below, across, (across[1], len(self.least_above))
+
 
 def order_by_height(
     lowest: np.ndarray, highest: np.ndarray, layers: int | None = None

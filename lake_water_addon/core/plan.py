@@ -10,6 +10,7 @@ world's origin.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -25,6 +26,17 @@ from .light import (
 )
 from .settings import FrameSettings
 from .snapshot import Camera, SceneSnapshot, Sun, WaterBody
+from .under_water import (
+    RAY_LENGTH,
+    HeightMap,
+    NearPlane,
+    Side,
+    ViewSide,
+    height_map,
+    near_plane,
+    surface_band,
+    view_side,
+)
 
 CLIP_CLEARANCE = 0.02
 """m: how far the clip planes lie beyond the highest (lowest) wave, the thesis's "little bit"."""
@@ -88,14 +100,35 @@ class WaterLight:
 
 
 @dataclass(frozen=True, eq=False)
+class UnderWater:
+    """What a picture needs that begins, in all or some of its pixels, in this body of water.
+
+    refraction: what is above, from the main camera; reflection: what is in the water, from the mirrored
+    one. mirrored_plane: the reflection's near plane, for its fog. heights: the map that tells on which
+    side each pixel begins, None where all begin under water.
+    """
+
+    refraction: TexturePass
+    reflection: TexturePass
+    mirrored_plane: NearPlane
+    heights: HeightMap | None
+
+
+@dataclass(frozen=True, eq=False)
 class BodyPlan:
-    """One water body in one view. origin: (3,) of the water frame in render space."""
+    """One water body in one view. origin: (3,) of the water frame in render space.
+
+    side: of its surface, on which the picture begins. refraction and reflection are what is looked up from
+    the air; under: from the water, None when the picture does not begin in it.
+    """
 
     body: WaterBody
     origin: np.ndarray
     packed_waves: np.ndarray
+    side: ViewSide
     refraction: TexturePass
     reflection: TexturePass
+    under: UnderWater | None
     drawn: bool
     reason: str
     light: WaterLight | None
@@ -106,7 +139,8 @@ class FramePlan:
     """One view of one snapshot. origin: (3,) float64, world position of render space's origin.
 
     shadows: cameras along the sun for the shadows of what stands above the water; each holds what the view
-    sees within a distance, the nearest first. Empty without sun or shadows.
+    sees within a distance, the nearest first. Empty without sun or shadows. near_plane: where the picture
+    begins. whole_height: of the whole picture, as a multiple of the drawn part's.
     """
 
     snapshot: SceneSnapshot
@@ -116,6 +150,13 @@ class FramePlan:
     settings: FrameSettings
     shadows: tuple[LightCamera, ...]
     extents: Extents
+    near_plane: NearPlane
+    whole_height: float
+
+    @property
+    def immersed(self) -> int | None:
+        """Index of the body that the picture begins in, wholly or in part."""
+        return next((i for i, body in enumerate(self.bodies) if body.under is not None), None)
 
     def without_water(self) -> FramePlan:
         """The same picture with no water in it, to compare with."""
@@ -166,12 +207,38 @@ def plan_frame(
     drawn = replace(whole, projection=cameras.crop(whole.projection, *window))
     if extents is None or not extents.is_of(snapshot, origin):
         extents = Extents(snapshot, origin)
+    begin = near_plane(drawn.view, drawn.projection)
+    packed = [
+        waves.pack(b.settings.waves[: waves.MAX_WAVES], snapshot.time, b.settings.depth, b.heading)
+        for b in snapshot.waters
+    ]
+    sides = _sides(snapshot, origin, begin, packed)
     bodies = tuple(
-        _plan_body(body, snapshot, steady, whole, drawn, origin, extents, settings)
-        for body in snapshot.waters
+        _plan_body(
+            snapshot.waters[i], snapshot, steady, whole, drawn, origin, extents, settings, packed[i], sides[i]
+        )
+        for i in range(len(sides))
     )
     shadows = _plan_shadows(snapshot.sun, steady, bodies, extents.bounds, settings)
-    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows, extents)
+    whole_height = 1.0 / (window[3] - window[1])
+    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows, extents, begin, whole_height)
+
+
+def _sides(
+    snapshot: SceneSnapshot, origin: np.ndarray, begin: NearPlane, packed: list[np.ndarray]
+) -> list[ViewSide]:
+    """On which side of each body's surface the picture begins; it begins in one body at most.
+
+    Of several, that with the lowest surface: the others lie over it, as the basins of a fountain do.
+    """
+    sides = [
+        view_side(begin, body, snapshot.meshes.get(body.mesh), body.matrix[:3, 3] - origin, of_body)
+        for body, of_body in zip(snapshot.waters, packed, strict=True)
+    ]
+    inside = [i for i, side in enumerate(sides) if side.from_below]
+    for i in sorted(inside, key=lambda i: snapshot.waters[i].level)[1:]:
+        sides[i] = ViewSide(Side.AIR, "the camera is in another water below it", sides[i].from_above, False)
+    return sides
 
 
 def _plan_body(
@@ -183,15 +250,20 @@ def _plan_body(
     origin: np.ndarray,
     extents: Extents,
     settings: FrameSettings,
+    packed: np.ndarray,
+    side: ViewSide,
 ) -> BodyPlan:
     optics_of = body.settings
     at = body.matrix[:3, 3] - origin
     level = float(at[2])
     n12 = 1.0 / optics_of.ior
     highest = waves.max_height(optics_of.waves) + CLIP_CLEARANCE
-    packed = waves.pack(optics_of.waves[: waves.MAX_WAVES], snapshot.time, optics_of.depth, body.heading)
 
-    visible, reason = _visibility(body, snapshot, at, highest, packed, drawn)
+    visible, reason = _visibility(body, snapshot, at, highest, side, drawn)
+    if side.from_below:
+        reason = f"{side.reason}, the surface is {reason}"
+    from_above = visible and side.from_above
+    seen = reason if from_above or not visible else side.reason
     wide = cameras.widen(whole.projection, settings.fov_ext)
     refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
     refraction = TexturePass(
@@ -201,8 +273,8 @@ def _plan_body(
         keep=+1,
         clip_height=level + highest,
         clear_height=level - highest,
-        drawn=visible,
-        reason=f"the bottom seen through it: {reason}",
+        drawn=from_above,
+        reason=f"the bottom seen through it: {seen}",
     )
     mirrored = cameras.mirrored_view(whole.view, level)
     reflection = TexturePass(
@@ -212,16 +284,73 @@ def _plan_body(
         keep=-1,
         clip_height=level - highest,
         clear_height=level + highest,
-        drawn=visible,
-        reason=f"what it mirrors: {reason}",
-        region=_reflection_region(body, snapshot, at, highest, drawn, wide @ mirrored) if visible else WHOLE,
+        drawn=from_above,
+        reason=f"what it mirrors: {seen}",
+        region=_reflection_region(body, snapshot, at, highest, drawn, wide @ mirrored)
+        if from_above
+        else WHOLE,
     )
+    under = None
+    if side.from_below:
+        under = _plan_under_water(body, snapshot, at, highest, whole, drawn, wide, side, visible, reason)
     light = None
-    if visible and snapshot.sun is not None and snapshot.sun.direction[2] >= LEAST_SUN:
+    is_lit = snapshot.sun is not None and snapshot.sun.direction[2] >= LEAST_SUN
+    if (visible or side.from_below) and is_lit:
         sunken = extents.below(level + highest)
         if sunken is not None:
-            light = _plan_light(body, snapshot, steady, at, highest, sunken, settings)
-    return BodyPlan(body, at, packed, refraction, reflection, visible, reason, light)
+            light = _plan_light(body, snapshot, steady, at, highest, sunken, settings, side)
+    return BodyPlan(body, at, packed, side, refraction, reflection, under, visible, reason, light)
+
+
+def _plan_under_water(
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    at: np.ndarray,
+    highest: float,
+    whole: Camera,
+    drawn: Camera,
+    wide: np.ndarray,
+    side: ViewSide,
+    visible: bool,
+    reason: str,
+) -> UnderWater:
+    """The passes of a picture that begins in this body; the surface needs its textures when it is seen."""
+    level = float(at[2])
+    mirrored = cameras.mirrored_view(whole.view, level)
+    longest = RAY_LENGTH * np.hypot(body.settings.ior, body.settings.ior - 1.0)  # of R1, seen edge on
+    reach = np.array(list(product((-longest, longest), repeat=3)))
+    region = (
+        _looked_up_region(body, snapshot, at, highest, drawn, wide @ mirrored, reach) if visible else WHOLE
+    )
+    refraction = TexturePass(
+        "refraction from below",
+        whole.view,
+        wide,
+        keep=-1,
+        clip_height=level - highest,
+        clear_height=level + highest,
+        drawn=visible,
+        reason=f"what is seen through the surface from below: {reason}",
+        region=_looked_up_region(body, snapshot, at, highest, drawn, wide @ whole.view, reach)
+        if visible
+        else WHOLE,
+    )
+    reflection = TexturePass(
+        "reflection from below",
+        mirrored,
+        wide,
+        keep=+1,
+        clip_height=level + highest,
+        clear_height=level - highest,
+        drawn=visible,
+        reason=f"what the surface mirrors from below: {reason}",
+        region=region,
+    )
+    heights = None
+    if side.side is Side.SPLIT:
+        begin = near_plane(drawn.view, drawn.projection)
+        heights = height_map(begin, *surface_band(body, snapshot.meshes.get(body.mesh), at))
+    return UnderWater(refraction, reflection, near_plane(mirrored, wide), heights)
 
 
 def _plan_light(
@@ -232,6 +361,7 @@ def _plan_light(
     highest: float,
     sunken: Bounds,
     settings: FrameSettings,
+    side: ViewSide,
 ) -> WaterLight | None:
     """Sunlight in the part of the water that the view sees; None when that has no bottom.
 
@@ -242,7 +372,7 @@ def _plan_light(
     level = float(at[2])
     depth = max(level - float(sunken[0][2]), highest)
     reach = -np.log(LEAST_SEEN) / max(body.settings.k, 1e-9)
-    points = _seen_in_water(body, snapshot, camera, at, highest, min(depth, reach), n12)
+    points = _seen_in_water(body, snapshot, camera, at, highest, min(depth, reach), n12, side)
     if len(points) == 0:
         return None
     direction = sunlight_in_water(sun, n12)
@@ -269,19 +399,22 @@ def _seen_in_water(
     highest: float,
     depth: float,
     n12: float,
+    side: ViewSide,
 ) -> np.ndarray:
     """(n, 3) points around all that the view sees below the surface, down to `depth` m."""
     to_clip = camera.projection @ camera.view
-    polygons = [
-        cameras.clip_polygon(_rectangle(body, snapshot, at, height), to_clip)
-        for height in (-highest, highest)
-    ]
-    polygon = np.concatenate(polygons)
-    points = [polygon]
-    if len(polygon):
-        directions = seen_through(polygon, camera.view, camera.projection, n12)
-        points.append(polygon + directions * (depth / np.maximum(-directions[:, 2:], 1e-3)))
-    if cameras.eye_position(camera.view)[2] < at[2] + highest:
+    points = [np.empty((0, 3))]
+    if side.from_above:
+        polygons = [
+            cameras.clip_polygon(_rectangle(body, snapshot, at, height), to_clip)
+            for height in (-highest, highest)
+        ]
+        polygon = np.concatenate(polygons)
+        points.append(polygon)
+        if len(polygon):
+            directions = seen_through(polygon, camera.view, camera.projection, n12)
+            points.append(polygon + directions * (depth / np.maximum(-directions[:, 2:], 1e-3)))
+    if side.from_below or cameras.eye_position(camera.view)[2] < at[2] + highest:
         # From below the surface the view volume itself lies in the water.
         low, high = (f(_rectangle(body, snapshot, at, 0.0), axis=0) for f in (np.min, np.max))
         low[2], high[2] = at[2] - depth, at[2] + highest
@@ -335,18 +468,18 @@ def _visibility(
     snapshot: SceneSnapshot,
     at: np.ndarray,
     highest: float,
-    packed: np.ndarray,
+    side: ViewSide,
     camera: Camera,
 ) -> tuple[bool, str]:
-    """Whether the water has to be drawn at all, and why."""
-    if not _is_above(camera, at, packed):
-        return False, "the camera is below the water; views from under water are not drawn yet"
+    """Whether the water's surface has to be drawn at all, and why."""
+    if not (side.from_above or side.from_below):
+        return False, side.reason
     if body.grid is not None:
         points = np.concatenate([_rectangle(body, snapshot, at, height) for height in (-highest, highest)])
         clip = cameras.to_clip(camera.projection @ camera.view, points)
         for axis in range(3):
-            for side in (-1.0, 1.0):
-                if np.all(side * clip[:, axis] > clip[:, 3]):
+            for edge in (-1.0, 1.0):
+                if np.all(edge * clip[:, axis] > clip[:, 3]):
                     return False, "out of the picture"
     return True, "in the picture"
 
@@ -376,9 +509,24 @@ def _reflection_region(
     camera: Camera,
     to_texture_clip: np.ndarray,
 ) -> tuple[float, float, float, float]:
-    """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R.
+    """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R."""
+    c = body.settings.c
+    reach = np.array([(x, y, z) for x in (-c, c) for y in (-c, c) for z in (min(c, 0.0), max(c, 0.0))])
+    return _looked_up_region(body, snapshot, at, highest, camera, to_texture_clip, reach)
 
-    U lies in the visible part of the slab between the lowest and the highest wave, and c R in a box.
+
+def _looked_up_region(
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    at: np.ndarray,
+    highest: float,
+    camera: Camera,
+    to_texture_clip: np.ndarray,
+    reach: np.ndarray,
+) -> tuple[float, float, float, float]:
+    """The part of a texture that U + r can fall into, for any U in the picture and any r in a box.
+
+    U lies in the visible part of the slab between the lowest and the highest wave. reach: (8, 3) corners.
     """
     if body.grid is None:
         return WHOLE
@@ -390,24 +538,11 @@ def _reflection_region(
     points = np.concatenate(visible)
     if min(len(polygon) for polygon in visible) == 0:
         return WHOLE
-    c = body.settings.c
-    reach = np.array([(x, y, z) for x in (-c, c) for y in (-c, c) for z in (min(c, 0.0), max(c, 0.0))])
     clip = cameras.to_clip(to_texture_clip, (points[:, None] + reach).reshape(-1, 3))
     if clip[:, 3].min() <= 1e-6:
         return WHOLE
     uv = np.clip(0.5 * clip[:, :2] / clip[:, 3:] + 0.5, 0.0, 1.0)
     return (*uv.min(axis=0).tolist(), *uv.max(axis=0).tolist())
-
-
-def _is_above(camera: Camera, at: np.ndarray, packed: np.ndarray) -> bool:
-    """Whether the camera looks at the water from the air.
-
-    An orthographic camera is nowhere, so its direction decides.
-    """
-    if cameras.is_orthographic(camera.projection):
-        return bool(camera.view[2, 2] > 0.0)
-    eye = cameras.eye_position(camera.view) - at
-    return bool(eye[2] > waves.height(packed, eye[:2]))
 
 
 def pixel_jitter(sample: int, samples: int, width: int, height: int) -> tuple[float, float]:

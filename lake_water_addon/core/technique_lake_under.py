@@ -15,9 +15,7 @@ from . import cameras, optics
 from .lookup import Lookup, inside_texture
 from .plan import TexturePass
 from .snapshot import WaterSettings
-
-RAY_LENGTH = 1.5
-"""m, the thesis's constant of that name: how far a ray is followed before it is looked up."""
+from .under_water import RAY_LENGTH
 
 REACHES = (1.0, 0.5, 0.25, 0.0)
 """Parts of RAY_LENGTH that are tried until a lookup finds a colour."""

@@ -23,6 +23,9 @@ NO_WATER = -1e5
 HEIGHT_TEXELS = 128
 """Texels a side of the map of the surface's heights at the near plane."""
 
+RAY_LENGTH = 1.5
+"""The thesis's m, in m: how far a ray is followed from a surface seen from below, to be looked up there."""
+
 MIN_MAP_SIZE = 1e-3
 """m: the least side of that map."""
 
@@ -34,6 +37,12 @@ ROUNDING = 1e-4
 
 RECTANGLE_TOLERANCE = 1e-3
 """By which part of it a mesh's area may differ from its bounding box's if it counts as a rectangle."""
+
+MENISCUS = 0.006
+"""Width of the meniscus as a part of the picture's height."""
+
+MIN_MENISCUS = 3.0
+"""Pixels: its least width. It hides in which pixel exactly the side changes."""
 
 _CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
 
@@ -125,6 +134,11 @@ def meniscus_weight(height: np.ndarray, per_pixel: np.ndarray, width: float) -> 
     """
     t = np.clip(2.0 - 4.0 * np.abs(height) / (np.maximum(per_pixel, 1e-12) * width), 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
+
+
+def meniscus_width(picture_height: float) -> float:
+    """Pixels, of a whole picture of so many pixels' height."""
+    return max(MIN_MENISCUS, MENISCUS * picture_height)
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,20 +258,23 @@ def view_side(
         return ViewSide(Side.AIR, "the water has no surface", False, False)
     corners = plane.point(_CORNERS)
     lowest, highest = surface_band(body, mesh, at)
+    # Of parallel rays that do not go down, those in the air never meet the surface.
+    looks_down = not plane.orthographic or bool(np.cross(plane.right, plane.up)[2] > 0.0)
     if corners[:, 2].min() > highest:
-        return ViewSide(Side.AIR, "the camera is above the water", True, False)
+        return ViewSide(Side.AIR, "the camera is above the water", looks_down, False)
     quadrangle, filled = outline(body, mesh, at)
     beyond = _beyond_edges(corners[:, :2], quadrangle)
     reaches_above = bool(corners[:, 2].max() > lowest)
+    from_above = reaches_above and looks_down
     if beyond.all(axis=0).any():
-        if reaches_above:
+        if from_above:
             return ViewSide(Side.AIR, "the camera is beside the water", True, False)
         return ViewSide(Side.AIR, "the camera is beside the water and below its surface", False, False)
     over, under = False, not reaches_above
     if reaches_above and body.grid is not None:
         over, under = _sides_of_cells(plane, body, at, packed)
     if over:
-        return ViewSide(Side.AIR, "the camera is above the waves", True, False)
+        return ViewSide(Side.AIR, "the camera is above the waves", looks_down, False)
     if under and filled and not beyond.any():
         return ViewSide(Side.UNDER, "the camera is under water", False, True)
     cuts = (
@@ -265,7 +282,7 @@ def view_side(
         if reaches_above
         else "the water's edge cuts through the picture"
     )
-    return ViewSide(Side.SPLIT, cuts, reaches_above, True)
+    return ViewSide(Side.SPLIT, cuts, from_above, True)
 
 
 def _sides_of_cells(

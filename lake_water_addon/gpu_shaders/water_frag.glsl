@@ -1,10 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The water seen from the air. TECHNIQUE names the file that turns a surface point into radiance.
+// The water's surface. TECHNIQUE names the file that turns a surface point into radiance, seen from the air or
+// FROM_BELOW. With SPLIT only the pixels that begin on that side are drawn.
 
 #include "camera_lib.glsl"
 #include "waves_lib.glsl"
 #include "optics_lib.glsl"
 #include "sky_lib.glsl"
+#ifdef SPLIT
+#  include "fog_lib.glsl"
+#  include "near_side_lib.glsl"
+#endif
 #include TECHNIQUE
 #ifdef DISPLAY_REFERRED
 #  include "view_transform_lib.glsl"
@@ -12,10 +17,27 @@
 
 void main()
 {
+#ifdef SPLIT
+  bool under = height_over_surface(v_clip.xy / v_clip.w) <= 0.0;
+#  ifdef FROM_BELOW
+  under = !under;
+#  endif
+  if (under) {
+    discard;
+  }
+#endif
   vec3 to_eye = pass_view.eye.w > 0.5 ? pass_view.eye.xyz : normalize(pass_view.eye.xyz - v_position);
   vec2 slope = v_slope + wave_slope(v_position.xy - water.plane.xy);
-  vec3 normal = face_viewer(normalize(vec3(-slope, 1.0)), to_eye);
-  vec3 radiance = water_radiance(v_position, normal, to_eye);
+  vec3 normal = normalize(vec3(-slope, 1.0));
+#ifdef FROM_BELOW
+  float path = distance(pass_view.eye.xyz, v_position);
+  if (pass_view.eye.w > 0.5) {
+    path = max(-transform_point(pass_view.view, v_position).z, 0.0);
+  }
+  vec3 radiance = water_radiance_from_below(v_position, -face_viewer(-normal, to_eye), to_eye, path);
+#else
+  vec3 radiance = water_radiance(v_position, face_viewer(normal, to_eye), to_eye);
+#endif
 #ifdef DISPLAY_REFERRED
   radiance = view_transform(radiance);
 #endif

@@ -20,4 +20,7 @@ void main()
   v_position = flat_point + vec3(0.0, 0.0, wave_height(flat_point.xy - water.plane.xy));
   vec3 in_camera = transform_point(pass_view.view, v_position);
   gl_Position = pass_view.projection * vec4(in_camera, 1.0);
+#ifdef SPLIT
+  v_clip = gl_Position;
+#endif
 }

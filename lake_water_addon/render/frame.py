@@ -5,17 +5,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 
 import gpu
 from gpu.types import GPUFrameBuffer, GPUTexture, GPUUniformBuf
 
 from ..core.plan import FramePlan
+from ..core.under_water import Side, meniscus_width
 from . import uniforms
 from .passes import light, textures
 from .passes.accumulate import SampleMean
+from .passes.fog import FogPainter, heights_target
 from .passes.geometry import GeometryPainter, SceneLook, SunInWater
-from .passes.water import WaterPainter
+from .passes.water import NearSide, SurfaceLook, ViewTransform, WaterPainter
 from .resources import Resources
 from .scene_buffers import SceneBuffers
 from .shader_library import ShaderLibrary
@@ -54,6 +57,7 @@ class FrameRenderer:
         self.scene = SceneBuffers(self.resources)
         self._geometry = GeometryPainter(self.resources, self.library, self.scene)
         self._water = WaterPainter(self.resources, self.library, self.scene)
+        self._fog = FogPainter(self.resources, self.library)
         self.mean = SampleMean(self.resources, self.library)
         self._blocks: dict[tuple, UniformBlock] = {}
         self._drawn: dict[tuple, tuple] = {}  # what the textures of the sun's light were drawn from
@@ -70,6 +74,7 @@ class FrameRenderer:
         bodies = len(plan.snapshot.waters)
         for gone in range(bodies, self._bodies):
             textures.free_targets(self.targets, gone)
+            self.targets.discard(("surface heights", gone))
             light.free_targets(self.targets, gone)
             self._drawn.pop(("light depth", gone), None)
         self._bodies = bodies
@@ -123,29 +128,70 @@ class FrameRenderer:
             None,
         )
 
-    def draw_textures(self, plan: FramePlan, timer: PassTimer) -> SceneLook:
+    def draw_textures(self, plan: FramePlan, timer: PassTimer) -> tuple[SceneLook, SceneLook | None]:
         """The textures of each water body that is in the picture, and those of the sun's light before.
 
-        Returns how the dry scene is lit.
+        Returns how the scene is lit in the air, and in the water that the picture begins in.
         """
         lights = self.upload(plan)
         in_air = SceneLook(lights, self.draw_shadow(plan, timer))
+        around_the_eye = None
         for i, body in enumerate(plan.bodies):
-            if not body.drawn:
+            if not body.drawn and body.under is None:
                 continue
             sun = self.sun_in_water(i, plan, timer, in_air.shadow_depth)
             # Without sunlight in the water there is nothing to shade there.
             in_water = SceneLook(lights, in_air.shadow_depth if body.light else None, sun)
-            water = sun.water
-            target = textures.refraction_target(self.targets, i, plan.settings.texture_size)
-            view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction))
-            with timer.measure("refraction", target.framebuffer):
-                textures.draw_refraction(self._geometry, body.refraction, target, in_water, view, water)
-            target = textures.reflection_target(self.targets, i, plan.settings.texture_size)
-            view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
-            with timer.measure("reflection", target.framebuffer):
-                textures.draw_reflection(self._geometry, body.reflection, target, in_air, view, water)
-        return in_air
+            if body.refraction.drawn:
+                self._draw_textures_from_above(i, plan, timer, in_air, in_water)
+            if body.under is not None:
+                around_the_eye = in_water
+                self._draw_textures_from_below(i, plan, timer, in_air, in_water)
+        return in_air, around_the_eye
+
+    def _draw_textures_from_above(
+        self, i: int, plan: FramePlan, timer: PassTimer, in_air: SceneLook, in_water: SceneLook
+    ) -> None:
+        body, water = plan.bodies[i], in_water.sun_in_water.water
+        target = textures.refraction_target(self.targets, i, plan.settings.texture_size)
+        view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction))
+        with timer.measure("refraction", target.framebuffer):
+            textures.draw_refraction(self._geometry, body.refraction, target, in_water, view, water)
+        target = textures.reflection_target(self.targets, i, plan.settings.texture_size)
+        view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
+        with timer.measure("reflection", target.framebuffer):
+            textures.draw_reflection(self._geometry, body.reflection, target, in_air, view, water)
+
+    def _draw_textures_from_below(
+        self, i: int, plan: FramePlan, timer: PassTimer, in_air: SceneLook, in_water: SceneLook
+    ) -> None:
+        body, water = plan.bodies[i], in_water.sun_in_water.water
+        under, size = body.under, plan.settings.texture_size
+        if under.heights is not None:
+            target = heights_target(self.targets, i)
+            view = self._block("surface heights", i).update(
+                *uniforms.view(under.heights.view, under.heights.projection)
+            )
+            with timer.measure("surface heights", target.framebuffer):
+                self._fog.draw_heights(self._water, body, plan.origin, target, view, water)
+        if not under.refraction.drawn:
+            return
+        target = textures.refraction_from_below_target(self.targets, i, size)
+        view = self._block("refraction from below", i).update(*uniforms.texture_view(under.refraction))
+        with timer.measure("refraction", target.framebuffer):
+            textures.draw_reflection(self._geometry, under.refraction, target, in_air, view, water)
+        target = textures.reflection_from_below_target(self.targets, i, size)
+        view = self._block("reflection from below", i).update(*uniforms.texture_view(under.reflection))
+        plane = self._block("mirrored near plane", i).update(*uniforms.near_plane(under.mirrored_plane))
+        with timer.measure("reflection", target.framebuffer):
+            textures.draw_reflection_from_below(
+                self._geometry, under.reflection, target, in_water, view, water
+            )
+            with (
+                self.targets.colors_only(target).bind(),
+                textures.drawn_region(under.reflection.region, target.size),
+            ):
+                self._fog.draw_fog(NearSide(plane, None), water, target.depth)
 
     def draw_depth(self, plan: FramePlan, timer: PassTimer, framebuffer: GPUFrameBuffer) -> None:
         """The depth of the dry scene alone into the bound framebuffer, in place of what it holds."""
@@ -159,43 +205,107 @@ class FrameRenderer:
             finally:
                 gpu.state.color_mask_set(True, True, True, True)
 
+    def scene_depth(self, size: tuple[int, int]) -> GPUTexture:
+        """What `draw_scene_depth` drew last."""
+        return self._scene_depth_target(size).depth
+
+    def draw_scene_depth(self, plan: FramePlan, timer: PassTimer, size: tuple[int, int]) -> None:
+        """The depth of the dry scene into a texture, for the fog over a picture that someone else has drawn."""
+        target = self._scene_depth_target(size)
+        with target.framebuffer.bind():
+            self.draw_depth(plan, timer, target.framebuffer)
+
+    def _scene_depth_target(self, size: tuple[int, int]) -> Target:
+        return self.targets.get(("scene depth",), size, ("R32F",))
+
+    def near_side(self, plan: FramePlan, i: int) -> NearSide:
+        """Where the picture's pixels begin, in respect of body `i`, after `draw_textures`."""
+        heights = plan.bodies[i].under.heights
+        return NearSide(
+            self._block("near plane").update(*uniforms.near_plane(plan.near_plane, heights)),
+            heights_target(self.targets, i).colors[0] if heights is not None else None,
+        )
+
     def draw_water(
         self,
         plan: FramePlan,
         timer: PassTimer,
         framebuffer: GPUFrameBuffer | None,
-        view_transform: tuple[GPUTexture, tuple[float, float]] | None = None,
+        depth: GPUTexture | None = None,
+        over: GPUFrameBuffer | None = None,
+        view_transform: ViewTransform | None = None,
     ) -> None:
-        """The water surfaces, into the bound framebuffer, after `draw_textures` of the same plan."""
+        """The water's surfaces and the fog, into the bound framebuffer, after `draw_textures` of the plan.
+
+        depth: when the picture begins in a body of water, that of what is drawn already; over: a framebuffer
+        of the same colours without it, None where the bound one does not have that texture.
+        """
         lights = self.upload(plan)
         view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
+        immersed = plan.immersed
+        look = SurfaceLook(plan.settings.technique, view_transform)
         with timer.measure("water", framebuffer):
             for i, body in enumerate(plan.bodies):
-                if not body.drawn:
-                    continue
-                water = self._block("water", i).update(*uniforms.water(plan, body))
-                self._water.draw(
-                    body,
-                    plan.origin,
-                    plan.settings.technique,
-                    lights,
-                    view,
-                    water,
-                    textures.refraction_target(self.targets, i, plan.settings.texture_size),
-                    textures.reflection_target(self.targets, i, plan.settings.texture_size),
-                    view_transform,
-                )
+                if body.refraction.drawn and i != immersed:
+                    self._draw_surface(i, plan, look, lights, view)
+        if immersed is None:
+            return
+        body, side = plan.bodies[immersed], self.near_side(plan, immersed)
+        water = self._block("water", immersed).update(*uniforms.water(plan, body))
+        with timer.measure("fog", framebuffer), over.bind() if over else nullcontext():
+            self._fog.draw_fog(side, water, depth, view_transform)
+        look = replace(look, near_side=side)
+        with timer.measure("water", framebuffer):
+            if body.refraction.drawn:
+                self._draw_surface(immersed, plan, look, lights, view)
+            if body.under.refraction.drawn:
+                exact = plan.settings.use_exact_under_water
+                below = replace(look, from_below=True, exact=exact)
+                self._draw_surface(immersed, plan, below, lights, view)
+        if side.heights is not None:
+            with timer.measure("fog", framebuffer), over.bind() if over else nullcontext():
+                width = meniscus_width(depth.height * plan.whole_height)
+                self._fog.draw_meniscus(side, water, width, view_transform)
+
+    def _draw_surface(
+        self, i: int, plan: FramePlan, look: SurfaceLook, lights: GPUUniformBuf, view: GPUUniformBuf
+    ) -> None:
+        body, size = plan.bodies[i], plan.settings.texture_size
+        if look.from_below:
+            water = self._block("water from below", i).update(*uniforms.water(plan, body, from_below=True))
+            refraction = textures.refraction_from_below_target(self.targets, i, size)
+            reflection = textures.reflection_from_below_target(self.targets, i, size)
+        else:
+            water = self._block("water", i).update(*uniforms.water(plan, body))
+            refraction = textures.refraction_target(self.targets, i, size)
+            reflection = textures.reflection_target(self.targets, i, size)
+        self._water.draw(look, body, plan.origin, lights, view, water, refraction, reflection)
 
     def draw_picture(
         self, plan: FramePlan, target: Target, timer: PassTimer, *, transparent: bool = False
     ) -> None:
-        """The whole picture into `target`, scene-linear. transparent: leave the sky out, alpha 0."""
-        look = self.draw_textures(plan, timer)
+        """The whole picture into `target`, scene-linear. transparent: leave the sky out, alpha 0.
+
+        Water is never transparent: what begins in it has alpha 1.
+        """
+        in_air, in_water = self.draw_textures(plan, timer)
         with target.framebuffer.bind():
             target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
             view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
             with timer.measure("scene", target.framebuffer):
-                self._geometry.draw_scene(look, view)
-                if not transparent:
-                    self._geometry.draw_sky(look.lights, view)
-            self.draw_water(plan, timer, target.framebuffer)
+                if in_water is None:
+                    self._geometry.draw_scene(in_air, view)
+                else:
+                    line = plan.bodies[plan.immersed].refraction
+                    self._geometry.draw_scene_in_water(
+                        in_air, in_water, view, line.clear_height, line.clip_height
+                    )
+                if not transparent and _sees_sky(plan):
+                    self._geometry.draw_sky(in_air.lights, view)
+            over = self.targets.colors_only(target) if in_water is not None else None
+            self.draw_water(plan, timer, target.framebuffer, target.depth, over)
+
+
+def _sees_sky(plan: FramePlan) -> bool:
+    """Whether some pixel begins in the air: under water, what is not drawn has the water's colour."""
+    return plan.immersed is None or plan.bodies[plan.immersed].side.side is not Side.UNDER

@@ -74,6 +74,14 @@ class DrawCall:
         )
         return self._triangles(*clear), self._triangles(*cut)
 
+    def around(self, lowest: float, highest: float) -> tuple[Segment | None, Segment | None, Segment | None]:
+        """All of it, in three parts (see `HeightOrder.around`)."""
+        if self.upright is None:
+            return tuple(self._instances(*part) for part in self.heights.around(lowest, highest))
+        scale, offset = self.upright
+        parts = self.triangle_heights.around((lowest - offset) / scale, (highest - offset) / scale)
+        return tuple(self._triangles(*part) for part in parts)
+
     def _instances(self, start: int, end: int) -> Segment | None:
         return Segment(self, self.first_instance + start, end - start) if end > start else None
 
@@ -98,7 +106,7 @@ class SceneBuffers:
         self._meshes: dict[Hashable, _UploadedMesh] = {}
         self._instance_state: tuple | None = None
         self._placed: list[tuple[int, HeightOrder]] = []
-        self._segments: dict[tuple, tuple[list[Segment], list[Segment]]] = {}
+        self._segments: dict[tuple, tuple[list[Segment], ...]] = {}
         self._version: tuple | None = None
         self._blank: GPUTexture | None = None
         self.instances: GPUTexture | None = None
@@ -148,6 +156,14 @@ class SceneBuffers:
         if key not in self._segments:
             pairs = [call.segments(*key) for call in self.calls]
             self._segments[key] = tuple([pair[i] for pair in pairs if pair[i]] for i in (0, 1))
+        return self._segments[key]
+
+    def around(self, lowest: float, highest: float) -> tuple[list[Segment], list[Segment], list[Segment]]:
+        """All calls in three parts: wholly below `lowest`, perhaps on both sides, above `highest`."""
+        key = (lowest, highest)
+        if key not in self._segments:
+            parts = [call.around(*key) for call in self.calls]
+            self._segments[key] = tuple([part[i] for part in parts if part[i]] for i in range(3))
         return self._segments[key]
 
     def parts_of(self, key: Hashable) -> tuple[GPUBatch, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import gpu
 from gpu.types import GPUFrameBuffer, GPUTexture
@@ -32,6 +33,7 @@ class Targets:
     def __init__(self, resources: Resources) -> None:
         self._resources = resources
         self._targets: dict[Hashable, tuple[tuple, Target]] = {}
+        self._colors_only: WeakKeyDictionary[Target, GPUFrameBuffer] = WeakKeyDictionary()
 
     def get(
         self,
@@ -64,6 +66,12 @@ class Targets:
         target = Target(size, self._resources.framebuffer(colors, depth_texture), colors, depth_texture)
         self._targets[key] = (description, target)
         return target
+
+    def colors_only(self, target: Target) -> GPUFrameBuffer:
+        """A framebuffer of the target's colours without its depth, which can then be read while drawing."""
+        if target not in self._colors_only:
+            self._colors_only[target] = self._resources.framebuffer(target.colors)
+        return self._colors_only[target]
 
     def discard(self, key: Hashable) -> None:
         """Free a target; one that was never made is no error."""

@@ -93,9 +93,10 @@ def texture_view(texture_pass: TexturePass) -> list[np.ndarray]:
     return view(texture_pass.view, texture_pass.projection, texture_pass.keep, texture_pass.clip_height)
 
 
-def water(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
-    """Members of struct Water."""
+def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[np.ndarray]:
+    """Members of struct Water, with the cameras of what is looked up from the air or from below."""
     settings, frame = body.body.settings, plan.settings
+    looked_up = body.under if from_below else body
     n12 = 1.0 / settings.ior
     packed = np.zeros((MAX_WAVES, 4))
     packed[: len(body.packed_waves)] = body.packed_waves
@@ -109,10 +110,10 @@ def water(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
         _vec4(np.array(settings.water_color), 1.0),
         np.array([half_x, half_y, center_x, center_y]),
         np.array([np.cos(body.body.heading), np.sin(body.body.heading), 0.0, 0.0]),
-        body.refraction.view.T,
-        body.refraction.projection.T,
-        body.reflection.view.T,
-        body.reflection.projection.T,
+        looked_up.refraction.view.T,
+        looked_up.refraction.projection.T,
+        looked_up.reflection.view.T,
+        looked_up.reflection.projection.T,
         packed,
     ]
 

@@ -9,6 +9,7 @@ import pytest
 from lake_water_addon.core import cameras, plan
 from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import Camera, SceneSnapshot, Sky, WaterBody, WaterSettings
+from lake_water_addon.core.under_water import Side, grid_height
 from lake_water_addon.core.waves import MAX_WAVES, SineWave
 
 WAVES = (SineWave(0.3, 4.0, 0.2), SineWave(0.2, 2.0, -0.9, 1.0))
@@ -84,11 +85,53 @@ def test_only_the_bodies_in_the_picture_are_drawn():
     assert [b.drawn for b in planned(scene, ABOVE).bodies] == [False, True, False]
 
 
-def test_camera_under_water_is_refused_with_a_reason():
+def test_under_water_the_textures_are_those_from_below():
     below = Camera(look_at((0, -5, -2), (0, 0, 0)), PROJECTION)
-    (water,) = planned(snapshot(body()), below).bodies
-    assert not water.drawn
-    assert "below the water" in water.reason and "not drawn yet" in water.reason
+    plan_below = planned(snapshot(body()), below)
+    (water,) = plan_below.bodies
+    assert plan_below.immersed == 0 and water.side.side is Side.UNDER and water.drawn
+    assert not (water.refraction.drawn or water.reflection.drawn)
+    assert water.under.refraction.drawn and water.under.reflection.drawn and water.under.heights is None
+    assert "under water" in water.reason and "under water" in water.refraction.reason
+    np.testing.assert_allclose(water.under.refraction.view, plan_below.camera.view)
+    assert water.under.reflection.mirrored and not water.under.refraction.mirrored
+
+
+def test_where_the_surface_cuts_the_picture_the_textures_of_both_sides_are_drawn():
+    above = planned(snapshot(body()), ABOVE).bodies[0]
+    z = float(grid_height(above.body, above.packed_waves, np.array([[0.0, -5.0]]))[0])
+    at_it = Camera(look_at((0, -5, z), (0, 0, z)), PROJECTION)
+    (water,) = planned(snapshot(body()), at_it).bodies
+    assert water.side.side is Side.SPLIT and water.under.heights is not None
+    for texture_pass in (water.refraction, water.reflection, water.under.refraction, water.under.reflection):
+        assert texture_pass.drawn
+
+
+def test_under_water_without_the_surface_in_the_picture_there_is_only_fog():
+    looks_down = Camera(look_at((0, 0, -3), (0, 0.1, -9)), PROJECTION)
+    plan_below = planned(snapshot(body()), looks_down)
+    (water,) = plan_below.bodies
+    assert plan_below.immersed == 0 and not water.drawn
+    assert not (water.under.refraction.drawn or water.under.reflection.drawn)
+    assert "under water" in water.reason and "out of the picture" in water.reason
+
+
+def test_the_picture_begins_in_one_body_at_most():
+    """Basins one above the other: the camera is in that with the lowest surface over it."""
+    below = Camera(look_at((0, -5, -2), (0, 0, 0)), PROJECTION)
+    for order in ((3.0, 0.0), (0.0, 3.0)):
+        scene = snapshot(*(body((0, 0, z), key=z) for z in order))
+        plan_below = planned(scene, below)
+        assert plan_below.immersed == order.index(0.0)
+        other = plan_below.bodies[1 - plan_below.immersed]
+        assert other.under is None and not other.drawn and "another water" in other.reason
+
+
+def test_other_bodies_are_seen_from_the_air():
+    below = Camera(look_at((0, -5, -2), (0, 0, 0)), PROJECTION)
+    scene = snapshot(body(), body((0, 25, -4), key="other"))
+    own, other = planned(scene, below).bodies
+    assert own.under is not None and other.under is None and other.refraction.drawn
 
 
 def test_waves_and_not_the_plane_decide_whether_the_camera_is_under_water():
@@ -96,18 +139,22 @@ def test_waves_and_not_the_plane_decide_whether_the_camera_is_under_water():
     packed = planned(snapshot(body()), ABOVE).bodies[0].packed_waves
     line = np.column_stack([np.linspace(-6, 6, 400), np.zeros(400)])
     h = plan.waves.height(packed, line)
-    for point, drawn in ((line[h.argmax()], False), (line[h.argmin()], True)):
+    for point, side in ((line[h.argmax()], Side.UNDER), (line[h.argmin()], Side.AIR)):
         eye = (*point, 0.1)
         camera = Camera(look_at(eye, (point[0], 3.0, 0.0)), PROJECTION)
-        assert planned(snapshot(body()), camera).bodies[0].drawn is drawn
+        fine = replace(body(), grid=(401, 10.0, 10.0, 0.0, 0.0))
+        assert planned(snapshot(fine), camera).bodies[0].side.side is side
 
 
-def test_orthographic_camera_is_above_when_it_looks_down():
+def test_orthographic_pictures_begin_at_the_near_plane():
+    """Its rays have no eye, but a beginning: above the water it sees the surface when it looks down."""
     looks_down = Camera(look_at((0, 0, -5), (0, 0, -15)), ORTHOGRAPHIC)
     looks_up = Camera(look_at((0, 0, -15), (0, 0, -5)), ORTHOGRAPHIC)
     scene = snapshot(body((0, 0, -20)))
     assert planned(scene, looks_down).bodies[0].drawn
-    assert "below the water" in planned(scene, looks_up).bodies[0].reason
+    assert not planned(scene, looks_up).bodies[0].drawn
+    from_below = Camera(look_at((0, 0, -25), (0, 0, -5)), ORTHOGRAPHIC)
+    assert planned(scene, from_below).bodies[0].side.side is Side.UNDER
 
 
 @pytest.mark.parametrize("z", [0.0, 137.0, -3.5])

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import gpu
 from gpu.types import GPUTexture, GPUUniformBuf
@@ -203,6 +203,19 @@ class GeometryPainter:
             self._draw_segments(uncut, *common)
         with opaque_state(clip_distances=1):
             self._draw_segments(cut, *common, water=water)
+
+    def draw_scene_in_water(
+        self, in_air: SceneLook, in_water: SceneLook, view: GPUUniformBuf, lowest: float, highest: float
+    ) -> None:
+        """Draw every draw call, what lies below the waves lit through them.
+
+        lowest, highest: heights that no wave goes beyond; only between them each fragment asks the waves.
+        """
+        below, across, above = self._scene.around(lowest, highest)
+        at_the_line = replace(in_water, above_too=True)
+        for segments, look in ((below, in_water), (across, at_the_line), (above, in_air)):
+            with opaque_state():
+                self._draw_segments(segments, look, view, False, False, False, False)
 
     def draw_depths(
         self, view: GPUUniformBuf, keep: int = 0, height: float = 0.0, *, cull_back_faces: bool = False

@@ -28,10 +28,20 @@ def reflection_target(targets: Targets, body: int, size: int) -> Target:
     return targets.get(("reflection", body), (size, size), ("RGBA16F",), filtered=(True,))
 
 
+def refraction_from_below_target(targets: Targets, body: int, size: int) -> Target:
+    """colors: premultiplied radiance of what is above the water, filtered."""
+    return targets.get(("refraction from below", body), (size, size), ("RGBA16F",), filtered=(True,))
+
+
+def reflection_from_below_target(targets: Targets, body: int, size: int) -> Target:
+    """colors: radiance of what is in the water, fogged, filtered. Its depth is read for the fog."""
+    return targets.get(("reflection from below", body), (size, size), ("RGBA16F",), filtered=(True,))
+
+
 def free_targets(targets: Targets, body: int) -> None:
-    """Free both textures of a water body that is gone."""
-    targets.discard(("refraction", body))
-    targets.discard(("reflection", body))
+    """Free the textures of a water body that is gone."""
+    for name in ("refraction", "reflection", "refraction from below", "reflection from below"):
+        targets.discard((name, body))
 
 
 def draw_refraction(
@@ -60,7 +70,7 @@ def draw_reflection(
     view: GPUUniformBuf,
     water: GPUUniformBuf,
 ) -> None:
-    """What lies above the surface, and the sky, from the mirrored camera.
+    """What lies above the surface, and the sky: mirrored, or seen through it from below.
 
     Solids are not culled here: where the water line cuts one open, its inside is marked with
     alpha 0, so that the water does not look through it at the sky behind.
@@ -70,6 +80,21 @@ def draw_reflection(
         with drawn_region(planned.region, target.size):
             painter.draw_scene(look, view, side=planned, water=water, mark_insides=True)
             painter.draw_sky(look.lights, view)
+
+
+def draw_reflection_from_below(
+    painter: GeometryPainter,
+    planned: TexturePass,
+    target: Target,
+    look: SceneLook,
+    view: GPUUniformBuf,
+    water: GPUUniformBuf,
+) -> None:
+    """What lies below the surface, from the mirrored camera, without the fog that is to come over it."""
+    with target.framebuffer.bind():
+        target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+        with drawn_region(planned.region, target.size):
+            painter.draw_scene(look, view, side=planned, water=water)
 
 
 @contextmanager

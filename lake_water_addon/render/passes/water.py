@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from dataclasses import dataclass
 
 import numpy as np
 from gpu.types import GPUBatch, GPUShader, GPUTexture, GPUUniformBuf
@@ -14,6 +15,8 @@ from ..scene_buffers import SceneBuffers
 from ..shader_library import ShaderLibrary, ShaderSpec
 from ..targets import Target
 from .geometry import opaque_state
+
+ViewTransform = tuple[GPUTexture, tuple[float, float]]
 
 MAX_GRIDS = 4
 """Grids of different resolution that are kept on the GPU."""
@@ -33,17 +36,61 @@ def surface_interface(grid: bool) -> tuple[dict, list[tuple[str, str]], dict[str
     return fields, push_constants, {"GRID" if grid else "MESH": ""}
 
 
-def water_spec(*, grid: bool, technique: str, display_referred: bool) -> tuple[ShaderSpec, dict[str, str]]:
+FROM_BELOW = "lake_under"
+"""The technique of the surface seen from under water, whatever the one from the air is."""
+
+
+@dataclass(frozen=True, eq=False)
+class NearSide:
+    """Where each pixel of a picture begins. near_plane: block of that name; heights: the surface's map
+    where the pixels differ, None where all of them begin on one side."""
+
+    near_plane: GPUUniformBuf
+    heights: GPUTexture | None
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceLook:
+    """How the surface is drawn. technique: from the air; view_transform: table and range of
+    `core/view_transform.py`, to draw in display colours; near_side: where the picture may begin in this body;
+    from_below: seen from the water, exact: by the exact equations.
+    """
+
+    technique: str
+    view_transform: ViewTransform | None = None
+    near_side: NearSide | None = None
+    from_below: bool = False
+    exact: bool = False
+
+    @property
+    def split(self) -> bool:
+        """Whether only some pixels begin on the side that is drawn."""
+        return self.near_side is not None and self.near_side.heights is not None
+
+
+def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, str]]:
     """The variant's interface and defines."""
     surface, push_constants, defines = surface_interface(grid)
-    defines["TECHNIQUE"] = f'"technique_{technique.lower()}_lib.glsl"'
+    technique = FROM_BELOW if look.from_below else look.technique.lower()
+    defines["TECHNIQUE"] = f'"technique_{technique}_lib.glsl"'
     samplers = [
         ("FLOAT_2D", "sky_image"),
         ("FLOAT_2D", "refraction_color"),
-        ("FLOAT_2D", "refraction_depth"),
         ("FLOAT_2D", "reflection_color"),
     ]
-    if display_referred:
+    uniform_buffers = [("Lights", "lights"), ("View", "pass_view"), ("Water", "water")]
+    if look.from_below:
+        defines["FROM_BELOW"] = ""
+        if look.exact:
+            defines["EXACT"] = ""
+    else:
+        samplers.append(("FLOAT_2D", "refraction_depth"))
+    if look.split:
+        defines["SPLIT"] = ""
+        samplers.append(("FLOAT_2D", "surface_heights"))
+        uniform_buffers.append(("NearPlane", "near_plane"))
+        surface["varyings"] = (*surface["varyings"], ("VEC4", "v_clip"))
+    if look.view_transform is not None:
         defines["DISPLAY_REFERRED"] = ""
         samplers.append(("FLOAT_3D", "view_transform_table"))
         push_constants.append(("VEC2", "view_transform_range"))
@@ -51,7 +98,7 @@ def water_spec(*, grid: bool, technique: str, display_referred: bool) -> tuple[S
         name="water",
         fragment="water_frag.glsl",
         **surface,
-        uniform_buffers=(("Lights", "lights"), ("View", "pass_view"), ("Water", "water")),
+        uniform_buffers=tuple(uniform_buffers),
         samplers=tuple(samplers),
         push_constants=tuple(push_constants),
     )
@@ -69,22 +116,17 @@ class WaterPainter:
 
     def draw(
         self,
+        look: SurfaceLook,
         body: BodyPlan,
         origin: np.ndarray,
-        technique: str,
         lights: GPUUniformBuf,
         view: GPUUniformBuf,
         water: GPUUniformBuf,
         refraction: Target,
         reflection: Target,
-        view_transform: tuple[GPUTexture, tuple[float, float]] | None = None,
     ) -> None:
-        """view_transform: table and range of `core/view_transform.py`, to draw in display colours."""
-        spec, defines = water_spec(
-            grid=body.body.grid is not None,
-            technique=technique,
-            display_referred=view_transform is not None,
-        )
+        """water, refraction, reflection: the cameras and textures of the side that the look is from."""
+        spec, defines = water_spec(look, grid=body.body.grid is not None)
         shader = self._library.get(spec, defines)
         with opaque_state():
             shader.bind()
@@ -93,11 +135,15 @@ class WaterPainter:
             shader.uniform_block("water", water)
             shader.uniform_sampler("sky_image", self._scene.sky_image)
             shader.uniform_sampler("refraction_color", refraction.colors[0])
-            shader.uniform_sampler("refraction_depth", refraction.colors[1])
             shader.uniform_sampler("reflection_color", reflection.colors[0])
-            if view_transform is not None:
-                shader.uniform_sampler("view_transform_table", view_transform[0])
-                shader.uniform_float("view_transform_range", view_transform[1])
+            if not look.from_below:
+                shader.uniform_sampler("refraction_depth", refraction.colors[1])
+            if look.split:
+                shader.uniform_block("near_plane", look.near_side.near_plane)
+                shader.uniform_sampler("surface_heights", look.near_side.heights)
+            if look.view_transform is not None:
+                shader.uniform_sampler("view_transform_table", look.view_transform[0])
+                shader.uniform_float("view_transform_range", look.view_transform[1])
             self.draw_surface(shader, body, origin)
 
     def draw_surface(self, shader: GPUShader, body: BodyPlan, origin: np.ndarray) -> None:
