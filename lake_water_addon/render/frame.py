@@ -210,7 +210,7 @@ class FrameRenderer:
         return self._scene_depth_target(size).depth
 
     def draw_scene_depth(self, plan: FramePlan, timer: PassTimer, size: tuple[int, int]) -> None:
-        """The depth of the dry scene into a texture, for the fog over a picture that someone else has drawn."""
+        """The depth of the dry scene into a texture, for the fog over a picture that Blender has drawn."""
         target = self._scene_depth_target(size)
         with target.framebuffer.bind():
             self.draw_depth(plan, timer, target.framebuffer)
