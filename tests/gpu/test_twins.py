@@ -15,6 +15,7 @@ import pytest
 
 from lake_water_addon.core import (
     cameras,
+    glow,
     intersection,
     lighting,
     lookup,
@@ -1206,3 +1207,64 @@ def test_twin_view_transform():
         ix, iy, iz = (low + corner).T
         want += weight[:, None] * table[iz, iy, ix, :3]
     compare(got, view_transform.overlay_decoded(want), 1e-3)
+
+
+# glow_lib.glsl, glow_star_lib.glsl
+
+
+def test_twin_highlight():
+    """R.s is off by EPS and its power by `exponent` times as much, relatively. On both sides of the cut."""
+    sun = unit_vectors(4000, 30)
+    # As many as possible in the lobe: moved from s by up to all angles.
+    moved = sun + RNG(31).normal(size=sun.shape) * np.geomspace(1e-4, 3.0, len(sun))[:, None]
+    reflected = single(moved / np.linalg.norm(moved, axis=1, keepdims=True))
+    reflected[:3], reflected[3:6] = sun[:3], -sun[3:6]
+    for exponent, cut in ((1.0, 3e-4), (200.0, 3e-4), (200.0, 0.95), (5000.0, 0.1), (1e5, 3e-7)):
+        exponent, cut = single([exponent, cut])  # noqa: PLW2901
+        got = evaluate(
+            ["glow_lib.glsl"],
+            {"h": ("float", "highlight(r, s, exponent, cut)")},
+            r=reflected,
+            s=sun,
+            exponent=np.full(len(sun), exponent),
+            cut=np.full(len(sun), cut),
+        )["h"].astype(np.float64)
+        want = np.array([glow.highlight(r, s, exponent, cut) for r, s in zip(reflected, sun, strict=True)])
+        lobe = np.array([glow.highlight(r, s, exponent, 0.0) for r, s in zip(reflected, sun, strict=True)])
+        base = np.maximum(np.sum(reflected * sun, axis=1), EPS)
+        bound = (4e-6 + 6 * EPS * exponent / base) * lobe
+        decided = np.abs(lobe - cut) > bound
+        assert decided.mean() > 0.95 and np.any(want > 0.0) and np.any(want == 0.0)
+        compare(got[decided], want[decided], 1e-30 + bound[decided])
+        assert np.all((got == 0.0) | (got >= cut))
+
+
+def bright_texels():
+    """Random highlights, a few of them bright, and the texels to look at: inside, at the border, beyond."""
+    values = single(RNG(32).uniform(0, 1, (23, 31)) ** 8)
+    y, x = (a.ravel() for a in np.mgrid[-5:28, -5:36])
+    return values, x, y
+
+
+def test_twin_highlight_at():
+    """Dark beyond the border, on all sides."""
+    values, x, y = bright_texels()
+    got = evaluate(
+        ["glow_star_lib.glsl"],
+        {"h": ("float", "highlight_at(ivec2(at))")},
+        samplers={"highlights": ("FLOAT_2D", data_texture(values))},
+        at=np.stack([x, y], 1),
+    )["h"]
+    padded = np.pad(values, 5)
+    np.testing.assert_array_equal(got, padded[y + 5, x + 5])
+
+
+def test_twin_star_filter():
+    values, x, y = bright_texels()
+    got = evaluate(
+        ["glow_star_lib.glsl"],
+        {"star": ("float", "star_filter(ivec2(at))")},
+        samplers={"highlights": ("FLOAT_2D", data_texture(values))},
+        at=np.stack([x, y], 1),
+    )["star"]
+    compare(got, glow.star_filter(np.pad(values, 5))[y + 5, x + 5], 4 * EPS)
