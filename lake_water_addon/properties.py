@@ -20,7 +20,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from .core.settings import DEFAULTS
+from .core.settings import CAUSTICS_METHODS, DEFAULTS
 from .core.techniques import TECHNIQUES
 from .registration import register_classes, unregister_classes
 
@@ -94,6 +94,13 @@ FOV_EXT = {
     "soft_max": 3.0,
     "step": 5,
     "precision": 2,
+}
+CAUSTICS_METHOD_TEXTS = {
+    "AUTO": "The fastest that this machine supports",
+    "CPU": "Photons are read back and summed by the processor: slow, works everywhere",
+    "GPU_POINTS": "Photons are drawn as points that add up",
+    "GPU_COMPUTE": "A compute shader sums photons in whole numbers: the fastest, and the same to the bit in "
+    "every run",
 }
 
 
@@ -282,32 +289,23 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     use_caustics: BoolProperty(
         name="Caustics",
-        description="Light that the waves focus on the bottom. Without it the sun reaches the bottom as "
-        "through a calm surface. Costs a pass over the water from the sun and a sum over all "
-        "photons whenever the waves move",
+        description="Light that the waves focus on the bottom. Off: the sun lights the bottom as through a "
+        "calm surface. Costs a picture of the water as seen from the sun and the sum of its photons "
+        "whenever the waves move",
         default=DEFAULTS.use_caustics,
         **NOTIFY,
     )
     caustics_method: EnumProperty(
         name="Caustics Method",
-        description="How the photons are added up. All three give the same light",
-        items=(
-            ("AUTO", "Automatic", "The fastest that this graphics card supports"),
-            ("CPU", "CPU", "Photons are read back and added by the processor: slow, works everywhere"),
-            ("GPU_POINTS", "GPU Points", "Photons are drawn as points that are blended"),
-            (
-                "GPU_COMPUTE",
-                "GPU Compute",
-                "Photons are added in whole numbers by a compute shader: the fastest, and the same to the "
-                "bit in every run",
-            ),
-        ),
+        description="How photons are summed. All give the same light and differ in time",
+        items=[(key, label, CAUSTICS_METHOD_TEXTS[key]) for key, label in CAUSTICS_METHODS.items()],
         default=DEFAULTS.caustics_method,
         **NOTIFY,
     )
     caustics_size: IntProperty(
-        name="Caustics Size",
-        description="Width and height of the caustics texture in pixels. Larger shows finer lines of light",
+        name="Caustics Texture Size",
+        description="Width and height of the caustics texture in pixels. Raise it, and the photons with it, "
+        "where the lines of light are blurred. Memory grows with the square",
         default=DEFAULTS.caustics_size,
         min=16,
         max=4096,
@@ -318,8 +316,8 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     photon_size: IntProperty(
         name="Photons per Side",
-        description="Photons along each side of the lit surface. More makes thin lines of light smoother; "
-        "the cost grows with the square",
+        description="Photons along each side of the sunlit water. Raise it where the lines of light are "
+        "coarse; time and memory grow with the square",
         default=DEFAULTS.photon_size,
         min=16,
         max=4096,
@@ -330,7 +328,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     caustics_steps: IntProperty(
         name="Caustics Steps",
         description="Steps of the search for the point where a photon meets the bottom. 1 is the thesis's "
-        "choice and exact for calm water; more helps where the bottom is uneven",
+        "choice and exact for calm water; 2 or 3 where the bottom is uneven. Each costs a lookup a photon",
         default=DEFAULTS.caustics_steps,
         min=1,
         max=16,
@@ -339,15 +337,16 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     use_shadows: BoolProperty(
         name="Sun Shadows",
-        description="Shadows of the sun, on dry land and under water. Costs a pass over the scene from the "
-        "sun when the scene or the view changes much, and a few lookups in each pixel",
+        description="Shadows of the sun, on land and under water. Costs some lookups in each pixel, and the "
+        "scene drawn as seen from the sun when it, the sun or the view changes",
         default=DEFAULTS.use_shadows,
         **NOTIFY,
     )
     light_depth_size: IntProperty(
         name="Light Depth Size",
-        description="Width and height of the depth textures as seen from the sun, for shadows and caustics. "
-        "Larger gives sharper shadows",
+        description="Width and height in pixels of the textures that hold distances from the sun: three for "
+        "shadows, near to far, and one for each water's caustics and shadows. Raise it for sharper shadows; "
+        "memory grows with the square",
         default=DEFAULTS.light_depth_size,
         min=16,
         max=4096,
@@ -365,7 +364,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     glow_strength: FloatProperty(
         name="Glow Strength",
-        description="Brightness of the glow, scene-linear",
+        description="Brightness of the glow, scene-linear. Costs nothing",
         default=DEFAULTS.glow_strength,
         min=0.0,
         max=1000.0,
@@ -376,7 +375,8 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     glow_exponent: FloatProperty(
         name="Glow Exponent",
-        description="How small the sun's mirror image is: more is smaller",
+        description="How small the sun's mirror image is. Raise it for fewer, smaller sparks, lower it for "
+        "a broad glitter. Costs nothing",
         default=DEFAULTS.glow_exponent,
         min=1.0,
         max=100000.0,
@@ -388,7 +388,8 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     glow_threshold: FloatProperty(
         name="Glow Threshold",
-        description="Brightness of the mirror image, 0 to 1, below which nothing glows",
+        description="Brightness of the mirror image, 0 to 1, below which nothing glows. Raise it to keep "
+        "only the brightest sparks. Costs nothing",
         default=DEFAULTS.glow_threshold,
         min=0.0,
         max=1.0,
@@ -399,7 +400,8 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     use_exact_under_water: BoolProperty(
         name="Exact Under Water",
         description="Seen from under water, refract exactly: the world above shrinks to Snell's window, with "
-        "total reflection around it. Off: the thesis's approximation, which shows the world above everywhere",
+        "total reflection around it. Off: the thesis's approximation, which shows the world above "
+        "everywhere. Costs nothing",
         default=DEFAULTS.use_exact_under_water,
         **NOTIFY,
     )
