@@ -16,6 +16,7 @@ import numpy as np
 
 from . import cameras, optics, waves
 from .extents import Bounds, Extents
+from .glow import GlowPlan, mirror_surface, plan_glow
 from .light import (
     LightCamera,
     box_corners,
@@ -152,6 +153,7 @@ class FramePlan:
     extents: Extents
     near_plane: NearPlane
     whole_height: float
+    glow: GlowPlan
 
     @property
     def immersed(self) -> int | None:
@@ -160,7 +162,7 @@ class FramePlan:
 
     def without_water(self) -> FramePlan:
         """The same picture with no water in it, to compare with."""
-        return replace(self, bodies=())
+        return replace(self, bodies=(), glow=GlowPlan(False, "there is no water"))
 
 
 def render_origin(snapshot: SceneSnapshot) -> np.ndarray:
@@ -221,7 +223,14 @@ def plan_frame(
     )
     shadows = _plan_shadows(snapshot.sun, steady, bodies, extents.bounds, settings)
     whole_height = 1.0 / (window[3] - window[1])
-    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows, extents, begin, whole_height)
+    surfaces = [
+        mirror_surface(body.body, snapshot.meshes.get(body.body.mesh), body.origin, body.packed_waves)
+        if body.refraction.drawn
+        else None
+        for body in bodies
+    ]
+    glow = plan_glow(snapshot.sun, steady, surfaces, settings, window=window, jitter=jitter)
+    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows, extents, begin, whole_height, glow)
 
 
 def _sides(

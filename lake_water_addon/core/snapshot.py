@@ -86,7 +86,7 @@ class Mesh:
         n = self.normals.astype(np.float64)
         level = np.hypot(n[:, 0], n[:, 1])
         with np.errstate(divide="ignore", invalid="ignore"):
-            return float(np.nan_to_num(level / np.abs(n[:, 2]), nan=np.inf).max(initial=0.0))
+            return float(np.nan_to_num(level / np.abs(n[:, 2]), nan=np.inf, posinf=np.inf).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)

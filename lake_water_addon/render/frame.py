@@ -18,6 +18,7 @@ from .passes import light, textures
 from .passes.accumulate import SampleMean
 from .passes.fog import FogPainter, heights_target
 from .passes.geometry import GeometryPainter, SceneLook, SunInWater
+from .passes.glow import GlowPainter
 from .passes.water import NearSide, SurfaceLook, ViewTransform, WaterPainter
 from .resources import Resources
 from .scene_buffers import SceneBuffers
@@ -58,6 +59,7 @@ class FrameRenderer:
         self._geometry = GeometryPainter(self.resources, self.library, self.scene)
         self._water = WaterPainter(self.resources, self.library, self.scene)
         self._fog = FogPainter(self.resources, self.library)
+        self._glow = GlowPainter(self.resources, self.library, self.targets, self._water)
         self.mean = SampleMean(self.resources, self.library)
         self._blocks: dict[tuple, UniformBlock] = {}
         self._drawn: dict[tuple, tuple] = {}  # what the textures of the sun's light were drawn from
@@ -304,6 +306,29 @@ class FrameRenderer:
                     self._geometry.draw_sky(in_air.lights, view)
             over = self.targets.colors_only(target) if in_water is not None else None
             self.draw_water(plan, timer, target.framebuffer, target.depth, over)
+        if plan.glow.drawn:
+            with timer.measure("glow", target.framebuffer):
+                star = self.draw_star(plan, target.depth, in_air.shadow_depth)
+                with target.framebuffer.bind():
+                    self.add_glow(plan, star)
+
+    def draw_star(
+        self, plan: FramePlan, depth: GPUTexture, shadow_depth: GPUTexture | None = None
+    ) -> GPUTexture:
+        """The glow of a plan that has one (see `GlowPainter.draw_star`), after the water is drawn."""
+        lights = self.upload(plan)
+        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
+        waters = [
+            self._block("water", i).update(*uniforms.water(plan, body)) if plan.glow.bodies[i] else None
+            for i, body in enumerate(plan.bodies)
+        ]
+        return self._glow.draw_star(plan, lights, view, waters, depth, shadow_depth)
+
+    def add_glow(
+        self, plan: FramePlan, star: GPUTexture, view_transform: ViewTransform | None = None
+    ) -> None:
+        """Add the star to the bound framebuffer, in display colours with a view transform."""
+        self._glow.add(plan, star, view_transform)
 
 
 def _sees_sky(plan: FramePlan) -> bool:
