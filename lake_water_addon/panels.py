@@ -7,6 +7,7 @@ import bpy
 
 from . import handlers
 from .operators import ENGINE_ID, shown_water
+from .properties import LakeWaterSceneSettings
 from .registration import register_classes, unregister_classes
 from .water_objects import is_water
 
@@ -180,6 +181,9 @@ def draw_render_settings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> 
     column.prop(settings, "texture_size")
     column.prop(settings, "fov_ext", text="FOV Factor")
     column.separator()
+    under = column.column(heading="Under Water")
+    under.prop(settings, "use_exact_under_water", text="Exact")
+    column.separator()
     column.prop(settings, "samples", text="Samples")
     column.prop(settings, "viewport_samples", text="Viewport")
 
@@ -191,6 +195,88 @@ class VIEW3D_PT_lake_water_rendering(_SidebarOfScene, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_render_settings(self.layout, context.scene)
+
+
+class _Effect:
+    """A sub-panel of what the sun does, with its switch in the header.
+
+    Values are dimmed, not locked, where they change nothing.
+    """
+
+    bl_options = {"DEFAULT_CLOSED"}
+    switch: str
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        settings = context.scene.lake_water
+        self.layout.active = handlers.has_sun(context.scene, context.view_layer)
+        self.layout.prop(settings, self.switch, text="")
+
+    def draw(self, context: bpy.types.Context) -> None:
+        settings = context.scene.lake_water
+        has_sun = handlers.has_sun(context.scene, context.view_layer)
+        if not has_sun:
+            self.layout.label(text="No sun light in this scene", icon="INFO")
+        column = _aligned(self.layout)
+        column.active = has_sun and self.is_used(settings)
+        self.draw_values(column, settings)
+
+    def is_used(self, settings: LakeWaterSceneSettings) -> bool:
+        """Whether the values change anything, given a sun."""
+        return getattr(settings, self.switch)
+
+    def draw_values(self, column: bpy.types.UILayout, settings: LakeWaterSceneSettings) -> None:
+        """Draw all but the switch."""
+        raise NotImplementedError
+
+
+class _Caustics(_Effect):
+    bl_label = "Caustics"
+    switch = "use_caustics"
+
+    def draw_values(self, column: bpy.types.UILayout, settings: LakeWaterSceneSettings) -> None:
+        column.prop(settings, "caustics_method", text="Method")
+        column.prop(settings, "caustics_size", text="Texture Size")
+        column.prop(settings, "photon_size", text="Photons")
+        column.prop(settings, "caustics_steps", text="Steps")
+
+
+class _Shadows(_Effect):
+    bl_label = "Sun Shadows"
+    switch = "use_shadows"
+
+    def is_used(self, settings: LakeWaterSceneSettings) -> bool:
+        return settings.use_shadows or settings.use_caustics  # photons are traced in the same textures
+
+    def draw_values(self, column: bpy.types.UILayout, settings: LakeWaterSceneSettings) -> None:
+        column.prop(settings, "light_depth_size", text="Texture Size")
+
+
+class _Glow(_Effect):
+    bl_label = "Sun Glow"
+    switch = "use_glow"
+
+    def draw_values(self, column: bpy.types.UILayout, settings: LakeWaterSceneSettings) -> None:
+        column.prop(settings, "glow_strength", text="Strength")
+        column.prop(settings, "glow_exponent", text="Exponent")
+        column.prop(settings, "glow_threshold", text="Threshold")
+
+
+class VIEW3D_PT_lake_water_caustics(_Caustics, _SidebarOfScene, bpy.types.Panel):
+    """Caustics in the sidebar."""
+
+    bl_parent_id = "VIEW3D_PT_lake_water_rendering"
+
+
+class VIEW3D_PT_lake_water_shadows(_Shadows, _SidebarOfScene, bpy.types.Panel):
+    """Shadows in the sidebar."""
+
+    bl_parent_id = "VIEW3D_PT_lake_water_rendering"
+
+
+class VIEW3D_PT_lake_water_glow(_Glow, _SidebarOfScene, bpy.types.Panel):
+    """Glow in the sidebar."""
+
+    bl_parent_id = "VIEW3D_PT_lake_water_rendering"
 
 
 class VIEW3D_PT_lake_water_display(_SidebarOfScene, bpy.types.Panel):
@@ -209,10 +295,9 @@ class VIEW3D_PT_lake_water_display(_SidebarOfScene, bpy.types.Panel):
                 lines.label(text=line, translate=False)
 
 
-class RENDER_PT_lake_water(bpy.types.Panel):
-    """The engine's settings in the properties editor."""
+class _RenderSettings:
+    """A panel of the engine's settings in the properties editor."""
 
-    bl_label = "Lake Water"
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "render"
@@ -222,8 +307,32 @@ class RENDER_PT_lake_water(bpy.types.Panel):
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.engine in cls.COMPAT_ENGINES
 
+
+class RENDER_PT_lake_water(_RenderSettings, bpy.types.Panel):
+    """The engine's settings."""
+
+    bl_label = "Lake Water"
+
     def draw(self, context: bpy.types.Context) -> None:
         draw_render_settings(self.layout, context.scene)
+
+
+class RENDER_PT_lake_water_caustics(_Caustics, _RenderSettings, bpy.types.Panel):
+    """Caustics in the properties editor."""
+
+    bl_parent_id = "RENDER_PT_lake_water"
+
+
+class RENDER_PT_lake_water_shadows(_Shadows, _RenderSettings, bpy.types.Panel):
+    """Shadows in the properties editor."""
+
+    bl_parent_id = "RENDER_PT_lake_water"
+
+
+class RENDER_PT_lake_water_glow(_Glow, _RenderSettings, bpy.types.Panel):
+    """Glow in the properties editor."""
+
+    bl_parent_id = "RENDER_PT_lake_water"
 
 
 CLASSES = (
@@ -232,8 +341,14 @@ CLASSES = (
     LAKE_WATER_UL_waves,
     VIEW3D_PT_lake_water_waves,
     VIEW3D_PT_lake_water_rendering,
+    VIEW3D_PT_lake_water_caustics,
+    VIEW3D_PT_lake_water_shadows,
+    VIEW3D_PT_lake_water_glow,
     VIEW3D_PT_lake_water_display,
     RENDER_PT_lake_water,
+    RENDER_PT_lake_water_caustics,
+    RENDER_PT_lake_water_shadows,
+    RENDER_PT_lake_water_glow,
 )
 
 
