@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from pathlib import Path
 
 import bpy
@@ -11,10 +12,13 @@ import numpy as np
 import pytest
 from mathutils import Euler, Matrix
 
-from lake_water_addon import handlers, operators, preferences, properties, water_objects
+from lake_water_addon import handlers, operators, panels, preferences, properties, water_objects
+from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import WaterSettings
 from lake_water_addon.core.techniques import DEFAULT_TECHNIQUE, TECHNIQUES
 from lake_water_addon.core.waves import max_height
+from lake_water_addon.host import frame_settings
+from lake_water_addon.sun_lights import SunFinder
 from lake_water_addon.water_objects import WaterError
 
 
@@ -216,14 +220,19 @@ def test_reset_puts_everything_but_the_display_back() -> None:
     bpy.ops.lake_water.set_parameters(k=2.0, q=3.0, c=4.0, fov_ext=2.0, water_color=(1.0, 1.0, 1.0))
     obj.lake_water.grid_resolution = 200
     obj.lake_water.waves.clear()
-    scene.lake_water.texture_size = 2048
+    for field in fields(FrameSettings):
+        if isinstance(field.default, bool):
+            setattr(scene.lake_water, field.name, not field.default)
+        elif not isinstance(field.default, str):
+            setattr(scene.lake_water, field.name, field.default + 1)
+    scene.lake_water.caustics_method = "CPU"
     scene.lake_water.show_in_viewport = False
     bpy.ops.lake_water.reset_parameters()
     settings = water_objects.settings_of(obj)
     assert (settings.k, settings.q, settings.c) == (0.5, 5.0, 1.0)
     assert settings.waves == waves
     assert obj.lake_water.grid_resolution == 49
-    assert (scene.lake_water.fov_ext, scene.lake_water.texture_size) == (1.5, 512)
+    assert frame_settings(scene) == FrameSettings()
     assert obj.lake_water.enabled and obj.display_type == "WIRE"
     assert not scene.lake_water.show_in_viewport
 
@@ -361,6 +370,114 @@ def test_waters_are_found_without_looking_at_every_object() -> None:
     assert handlers.waters(scene) == [obj]
     bpy.data.objects.remove(obj)
     assert handlers.waters(scene) == []
+
+
+# What the sun's panels show
+
+
+class Layout:
+    """Stands for Blender's layout, which only a window has: remembers labels, and which values are dimmed."""
+
+    def __init__(self) -> None:
+        self.active = True
+        self.parts: list[Layout] = []
+        self.labels: list[str] = []
+        self.values: list[str] = []
+
+    def column(self, **_options: object) -> Layout:
+        self.parts.append(Layout())
+        return self.parts[-1]
+
+    def separator(self) -> None:
+        pass
+
+    def label(self, *, text: str, **_options: object) -> None:
+        self.labels.append(text)
+
+    def prop(self, _data: object, name: str, **_options: object) -> None:
+        self.values.append(name)
+
+    def shown(self) -> dict[str, bool]:
+        """Each value with whether it is bright."""
+        of_parts = {name: on and self.active for part in self.parts for name, on in part.shown().items()}
+        return dict.fromkeys(self.values, self.active) | of_parts
+
+    def text(self) -> list[str]:
+        return self.labels + [line for part in self.parts for line in part.text()]
+
+
+def draw_panel(effect: type) -> Layout:
+    panel = type("Panel", (effect,), {"layout": Layout()})()
+    panel.draw(bpy.context)
+    return panel.layout
+
+
+EFFECTS = (panels._Caustics, panels._Shadows, panels._Glow)
+
+
+def test_every_setting_of_the_picture_is_in_a_panel() -> None:
+    layout = Layout()
+    panels.draw_render_settings(layout, bpy.context.scene)
+    found = set(layout.shown()).union(*(draw_panel(effect).shown() for effect in EFFECTS))
+    found |= {effect.switch for effect in EFFECTS}
+    assert {field.name for field in fields(FrameSettings)} <= found
+
+
+def test_values_that_change_nothing_are_dimmed() -> None:
+    settings = bpy.context.scene.lake_water
+    bpy.ops.object.light_add(type="SUN")
+    for effect in EFFECTS:
+        assert all(draw_panel(effect).shown().values())
+    settings.use_glow = settings.use_shadows = False
+    assert not any(draw_panel(panels._Glow).shown().values())
+    assert all(draw_panel(panels._Shadows).shown().values()), "caustics need the light's depth, too"
+    settings.use_caustics = False
+    for effect in EFFECTS:
+        assert not any(draw_panel(effect).shown().values())
+
+
+def test_without_a_sun_its_panels_say_so() -> None:
+    bpy.ops.object.light_add(type="POINT")
+    for effect in EFFECTS:
+        layout = draw_panel(effect)
+        assert layout.text()[0] == "No sun light in this scene"
+        assert not any(layout.shown().values())
+
+
+def test_a_sun_is_found_wherever_it_is() -> None:
+    scene = bpy.context.scene
+
+    def has_sun() -> bool:
+        bpy.context.view_layer.update()
+        return handlers.has_sun(scene, bpy.context.view_layer)
+
+    bpy.ops.object.light_add(type="SUN")
+    sun = bpy.context.object
+    assert has_sun() and has_sun()
+    sun.hide_set(True)
+    assert has_sun(), "it may still be in the render"
+    sun.data.type = "SPOT"
+    assert not has_sun()
+    sun.data.type = "SUN"
+    assert has_sun()
+    scene.collection.objects.unlink(sun)
+    assert not has_sun()
+    sky = bpy.data.collections.new("Sky")
+    sky.objects.link(sun)
+    bpy.ops.object.collection_instance_add(collection=sky.name)
+    assert has_sun()
+    bpy.data.objects.remove(sun)
+    assert not has_sun()
+
+
+def test_a_known_sun_is_found_without_looking_at_every_object() -> None:
+    scene = bpy.context.scene
+    mesh = bpy.data.meshes.new("Many")
+    for i in range(2000):
+        scene.collection.objects.link(bpy.data.objects.new(f"Many {i}", mesh))
+    bpy.ops.object.light_add(type="SUN")
+    known = _seconds(lambda: handlers.has_sun(scene, bpy.context.view_layer))
+    assert known < 0.1 * _seconds(lambda: SunFinder().has_sun(scene, bpy.context.view_layer))
 
 
 def _seconds(function: object, repeats: int = 5) -> float:
