@@ -47,6 +47,9 @@ WHOLE = (0.0, 0.0, 1.0, 1.0)
 LEAST_SEEN = 1.0 / 256.0
 """Part of the light that is left where the water ends the view: beyond, no caustics are needed."""
 
+SEARCH_OVERSHOOT = 1.5
+"""How far beyond the lowest point of the bottom, as a part of the depth, the search may look on its way."""
+
 CASCADES = 3
 """Shadow textures, each for what is seen within a distance."""
 
@@ -284,6 +287,9 @@ def _plan_body(
         clear_height=level - highest,
         drawn=from_above,
         reason=f"the bottom seen through it: {seen}",
+        region=_refraction_region(body, snapshot, at, highest, drawn, wide @ refraction_view, extents)
+        if from_above
+        else WHOLE,
     )
     mirrored = cameras.mirrored_view(whole.view, level)
     reflection = TexturePass(
@@ -385,9 +391,8 @@ def _plan_light(
     if len(points) == 0:
         return None
     direction = sunlight_in_water(sun, n12)
-    slope = min(sum(2.0 * np.pi * abs(w.amplitude) / w.wavelength for w in body.settings.waves), 1.0)
     # Waves turn a ray of sunlight by at most about half their slope.
-    margin = highest + 0.5 * slope * min(depth, reach)
+    margin = highest + 0.5 * _greatest_slope(body) * min(depth, reach)
     fresnel = optics.schlick(sun[2], optics.reflectance_at_normal(n12), body.settings.q)
     camera = light_camera(direction, points, sunken, settings.light_depth_size, margin, within=sunken)
     if camera is None:
@@ -535,18 +540,58 @@ def _looked_up_region(
 ) -> tuple[float, float, float, float]:
     """The part of a texture that U + r can fall into, for any U in the picture and any r in a box.
 
-    U lies in the visible part of the slab between the lowest and the highest wave. reach: (8, 3) corners.
+    reach: (8, 3) corners of the box.
     """
-    if body.grid is None:
+    points = _seen_surface(body, snapshot, at, highest, camera)
+    return WHOLE if points is None else _region_around(points, to_texture_clip, reach)
+
+
+def _refraction_region(
+    body: WaterBody,
+    snapshot: SceneSnapshot,
+    at: np.ndarray,
+    highest: float,
+    camera: Camera,
+    to_texture_clip: np.ndarray,
+    extents: Extents,
+) -> tuple[float, float, float, float]:
+    """The part of the refraction texture that the search can look up on its way to the bottom and beyond."""
+    points = _seen_surface(body, snapshot, at, highest, camera)
+    sunken = extents.below(float(at[2]) + highest)
+    if points is None or sunken is None:
         return WHOLE
+    depth = float(at[2]) + highest - float(sunken[0][2])
+    directions = seen_through(points, camera.view, camera.projection, 1.0 / body.settings.ior)
+    along = directions * (SEARCH_OVERSHOOT * depth / np.maximum(-directions[:, 2:], 1e-3))
+    turned = 0.5 * _greatest_slope(body) * SEARCH_OVERSHOOT * depth
+    box = np.array(list(product((-turned, turned), (-turned, turned), (0.0,))))
+    return _region_around(np.concatenate([points, points + along]), to_texture_clip, box)
+
+
+def _greatest_slope(body: WaterBody) -> float:
+    """Tangent of the steepest slope that the waves can add up to; 1 when that is more."""
+    return min(sum(2.0 * np.pi * abs(w.amplitude) / w.wavelength for w in body.settings.waves), 1.0)
+
+
+def _seen_surface(
+    body: WaterBody, snapshot: SceneSnapshot, at: np.ndarray, highest: float, camera: Camera
+) -> np.ndarray | None:
+    """Corners (n, 3) of the visible part of the slab between the lowest and the highest wave; None when they
+    are not known."""
+    if body.grid is None:
+        return None
     to_clip = camera.projection @ camera.view
     visible = [
         cameras.clip_polygon(_rectangle(body, snapshot, at, height), to_clip)
         for height in (-highest, highest)
     ]
-    points = np.concatenate(visible)
-    if min(len(polygon) for polygon in visible) == 0:
-        return WHOLE
+    return np.concatenate(visible) if min(len(polygon) for polygon in visible) else None
+
+
+def _region_around(
+    points: np.ndarray, to_texture_clip: np.ndarray, reach: np.ndarray
+) -> tuple[float, float, float, float]:
+    """The part of a texture that points (n, 3) with a box (m, 3) around each fall into."""
     clip = cameras.to_clip(to_texture_clip, (points[:, None] + reach).reshape(-1, 3))
     if clip[:, 3].min() <= 1e-6:
         return WHOLE

@@ -59,7 +59,8 @@ def draw_refraction(
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
-        painter.draw_scene(look, view, side=planned, water=water, linear_depth=True)
+        with drawn_region(planned.region, target.size):
+            painter.draw_scene(look, view, side=planned, water=water, linear_depth=True)
 
 
 def draw_reflection(
