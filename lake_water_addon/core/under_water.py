@@ -258,8 +258,7 @@ def view_side(
         return ViewSide(Side.AIR, "the water has no surface", False, False)
     corners = plane.point(_CORNERS)
     lowest, highest = surface_band(body, mesh, at)
-    # Of parallel rays that do not go down, those in the air never meet the surface.
-    looks_down = not plane.orthographic or bool(np.cross(plane.right, plane.up)[2] > 0.0)
+    looks_down = not plane.orthographic or _meets_from_above(plane, body, packed)
     if corners[:, 2].min() > highest:
         return ViewSide(Side.AIR, "the camera is above the water", looks_down, False)
     quadrangle, filled = outline(body, mesh, at)
@@ -285,6 +284,13 @@ def view_side(
     return ViewSide(Side.SPLIT, cuts, from_above, True)
 
 
+def _meets_from_above(plane: NearPlane, body: WaterBody, packed: np.ndarray) -> bool:
+    """Whether an orthographic picture's rays can meet the surface from the air: not when they rise steeply."""
+    forward = np.cross(plane.up, plane.right)
+    steepest = np.inf if body.grid is None else np.sqrt(2.0) * waves.max_slope(packed)
+    return bool(forward[2] <= 0.0 or forward[2] <= steepest * np.hypot(forward[0], forward[1]))
+
+
 def _sides_of_cells(
     plane: NearPlane, body: WaterBody, at: np.ndarray, packed: np.ndarray
 ) -> tuple[bool, bool]:
@@ -297,7 +303,7 @@ def _sides_of_cells(
     ndc = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     points = plane.point(ndc) - at
     over = points[:, 2] - grid_height(body, packed, points[:, :2])
-    slope = np.sqrt(2.0) * float(np.abs(packed[:, 2]) @ np.linalg.norm(packed[:, :2], axis=1))
+    slope = np.sqrt(2.0) * waves.max_slope(packed)
     reach = np.abs(plane.right) + np.abs(plane.up)  # of the whole rectangle, along each axis
     bound = (reach[2] + slope * np.hypot(reach[0], reach[1])) / CELLS + ROUNDING
     return bool(np.all(over > bound)), bool(np.all(over < -bound))

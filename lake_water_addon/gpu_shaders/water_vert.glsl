@@ -14,8 +14,12 @@ void main()
   v_slope = vec2(0.0);
 #else
   vec3 flat_point = transform_point(object_matrix, position);
+#  ifdef HEIGHTS_ONLY
+  v_slope = vec2(0.0);
+#  else
   vec3 up = mat3(normal_matrix) * normal;
   v_slope = -up.xy / max(abs(up.z), 1e-3) * sign(up.z);
+#  endif
 #endif
   v_position = flat_point + vec3(0.0, 0.0, wave_height(flat_point.xy - water.plane.xy));
   vec3 in_camera = transform_point(pass_view.view, v_position);

@@ -26,7 +26,7 @@ def heights_target(targets: Targets, body: int) -> Target:
 
 def heights_spec(*, grid: bool) -> tuple[ShaderSpec, dict[str, str]]:
     """The variant's interface and defines."""
-    surface, push_constants, defines = surface_interface(grid)
+    surface, push_constants, defines = surface_interface(grid, heights_only=True)
     spec = ShaderSpec(
         name="surface_height",
         fragment="surface_height_frag.glsl",
@@ -105,7 +105,7 @@ class FogPainter:
                 shader.bind()
                 shader.uniform_block("pass_view", view)
                 shader.uniform_block("water", water)
-                surface.draw_surface(shader, body, origin)
+                surface.draw_surface(shader, body, origin, heights_only=True)
 
     def draw_fog(
         self,

@@ -22,18 +22,25 @@ MAX_GRIDS = 4
 """Grids of different resolution that are kept on the GPU."""
 
 
-def surface_interface(grid: bool) -> tuple[dict, list[tuple[str, str]], dict[str, str]]:
+def surface_interface(
+    grid: bool, *, heights_only: bool = False
+) -> tuple[dict, list[tuple[str, str]], dict[str, str]]:
     """What `water_vert.glsl` takes of a grid or a mesh: fields of a ShaderSpec, push constants and defines.
 
-    It also takes the uniform blocks `pass_view` and `water`.
+    It also takes the uniform blocks `pass_view` and `water`. heights_only: the shader does not use slopes.
     """
     fields = {
         "vertex": "water_vert.glsl",
         "vertex_in": (("VEC2", "cell"),) if grid else (("VEC3", "position"), ("VEC3", "normal")),
         "varyings": (("VEC3", "v_position"), ("VEC2", "v_slope")),
     }
-    push_constants = [] if grid else [("MAT4", "object_matrix"), ("MAT3", "normal_matrix")]
-    return fields, push_constants, {"GRID" if grid else "MESH": ""}
+    push_constants = [] if grid else [("MAT4", "object_matrix")]
+    defines = {"GRID" if grid else "MESH": ""}
+    if heights_only:
+        defines["HEIGHTS_ONLY"] = ""
+    elif not grid:
+        push_constants.append(("MAT3", "normal_matrix"))
+    return fields, push_constants, defines
 
 
 FROM_BELOW = "lake_under"
@@ -146,17 +153,20 @@ class WaterPainter:
                 shader.uniform_float("view_transform_range", look.view_transform[1])
             self.draw_surface(shader, body, origin)
 
-    def draw_surface(self, shader: GPUShader, body: BodyPlan, origin: np.ndarray) -> None:
+    def draw_surface(
+        self, shader: GPUShader, body: BodyPlan, origin: np.ndarray, *, heights_only: bool = False
+    ) -> None:
         """The body's triangles with a bound shader made with `surface_interface`. origin: of render space."""
         if body.body.grid is not None:
             self._grid(body.body.grid[0]).draw(shader)
             return
         matrix = rebase(body.body.matrix, origin)
-        # The cofactors and not the inverse, which a scale of 0 does not have; as in scene_vert.glsl.
-        a, b, c = matrix[:3, :3]
-        normals = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
         shader.uniform_float("object_matrix", matrix.T.ravel().tolist())
-        shader.uniform_float("normal_matrix", normals.T.ravel().tolist())
+        if not heights_only:
+            # The cofactors and not the inverse, which a scale of 0 does not have; as in scene_vert.glsl.
+            a, b, c = matrix[:3, :3]
+            normals = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+            shader.uniform_float("normal_matrix", normals.T.ravel().tolist())
         for batch in self._scene.parts_of(body.body.mesh):
             batch.draw(shader)
 
