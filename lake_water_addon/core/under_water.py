@@ -285,7 +285,7 @@ def view_side(
 
 
 def _meets_from_above(plane: NearPlane, body: WaterBody, packed: np.ndarray) -> bool:
-    """Whether an orthographic picture's rays can meet the surface from the air: not when they rise steeply."""
+    """Whether an orthographic picture's rays can meet the surface from the air: unless they rise steeply."""
     forward = np.cross(plane.up, plane.right)
     steepest = np.inf if body.grid is None else np.sqrt(2.0) * waves.max_slope(packed)
     return bool(forward[2] <= 0.0 or forward[2] <= steepest * np.hypot(forward[0], forward[1]))
