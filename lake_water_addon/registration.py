@@ -15,6 +15,7 @@ MODULES = (
     "properties",
     "preferences",
     "handlers",
+    "nodes.switching",
     "operators",
     "engine",
     "viewport",

@@ -3,7 +3,8 @@
 
 A water object is a mesh object whose `lake_water.enabled` is set. Its surface is the
 horizontal plane through the object's origin; heading, location and scale are used.
-Blender itself shows it as wires only, because Lake Water draws its faces.
+Blender's viewport shows it as wires only, because Lake Water draws its faces. For Cycles and
+EEVEE it carries a modifier and a material (`nodes/`).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from mathutils import Matrix, Vector
 
 from .core.snapshot import WaterSettings
 from .core.waves import MAX_WAVES, SineWave
+from .nodes import carry
 
 MAX_TILT = math.radians(1.0)
 MAX_UNEVENNESS = 0.1  # height of a water mesh over its horizontal size
@@ -218,6 +220,7 @@ def make_water(obj: bpy.types.Object) -> None:
     settings.previous_display_type = obj.display_type
     obj.display_type = "WIRE"
     settings.enabled = True
+    carry.dress(obj)
 
 
 def remove_water(obj: bpy.types.Object) -> None:
@@ -229,6 +232,7 @@ def remove_water(obj: bpy.types.Object) -> None:
         raise WaterError(f'"{obj.name}" is not water')
     settings = obj.lake_water
     settings.enabled = False
+    carry.undress(obj)
     obj.display_type = settings.previous_display_type or "TEXTURED"
     settings.previous_display_type = ""
 

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ..core.snapshot import Mesh, MeshPart
+from ..nodes.sine_waves import FLAT_ATTRIBUTE
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,17 @@ class Geometry:
 
 
 def read_mesh(
-    mesh: bpy.types.Mesh, uv_name: str | None = None, color_name: str | None = None
+    mesh: bpy.types.Mesh,
+    uv_name: str | None = None,
+    color_name: str | None = None,
+    *,
+    flat: bool = False,
 ) -> Geometry | None:
     """Read an evaluated mesh in object space; None when it has no faces.
 
     uv_name, color_name: the UV map and colour attribute to take along, None for none.
     One that the mesh does not have is left out. Colours come scene-linear.
+    flat: the mesh is a water surface, taken as it was before *Sine Waves* raised it.
     Vertices are shared where normal, UV and colour agree, so that a smooth mesh keeps its
     vertex count; vertex v of the mesh is vertex v of the result, split ones follow after.
     """
@@ -63,7 +69,10 @@ def read_mesh(
 
     corner_layers: list[np.ndarray] = []
     vertex_normals = corner_normals = None
-    if mesh.normals_domain == "POINT":
+    if flat and FLAT_ATTRIBUTE in mesh.attributes:
+        positions = _read(mesh.attributes[FLAT_ATTRIBUTE].data, "vector", n_vertices, 3)
+        vertex_normals = _smooth_normals(positions, corner_vertex[triangle_corners])
+    elif mesh.normals_domain == "POINT":
         vertex_normals = _read(mesh.vertex_normals, "vector", n_vertices, 3)
     else:
         corner_normals = _read(mesh.corner_normals, "vector", n_corners, 3)
@@ -101,6 +110,17 @@ def read_mesh(
         parts=_parts(mesh, corner_to_new[triangle_corners]),
         solid=_is_solid(mesh, corner_vertex, positions, triangle_corners),
     )
+
+
+def _smooth_normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(V, 3) float32 unit normals of vertices (V, 3): the mean of the triangles (T, 3), weighted by area."""
+    a, b, c = (positions[triangles[:, i]].astype(np.float64) for i in range(3))
+    areas = np.cross(b - a, c - a)
+    normals = np.zeros((len(positions), 3))
+    for i in range(3):
+        np.add.at(normals, triangles[:, i], areas)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > 0.0, normals / np.maximum(length, 1e-30), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
 def default_uv_name(mesh: bpy.types.Mesh) -> str | None:

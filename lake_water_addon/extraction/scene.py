@@ -27,7 +27,8 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ..core.snapshot import Draw, Material, SceneSnapshot, Sky
+from ..core.snapshot import Draw, Material, Mesh, SceneSnapshot, Sky
+from ..nodes.material import is_ours, is_ours_node_tree
 from .materials import default_material, same_material
 from .meshes import MeshStore
 from .objects import Name, determinants, find_evaluated, is_shown, is_usable, matrix_of, name_of
@@ -141,6 +142,8 @@ class SceneExtractor:
                     self._image_versions[block.name] = next_version()
                     for view in self._views.values():
                         view.full = True
+            elif _is_for_other_engines(block):
+                continue
             else:
                 for view in views:
                     view.full = True
@@ -211,7 +214,7 @@ class SceneExtractor:
                 sun = sun if same_sun(new, sun) else new
                 continue
             if uid in waters:
-                record = _changed_water(waters[uid], walk, obj, matrix, depsgraph)
+                record = _changed_water(waters[uid], walk, obj, matrix, depsgraph, last.meshes)
                 if record is None:
                     return False
                 new_waters[uid] = record
@@ -340,17 +343,34 @@ def _changed_water(
     obj: bpy.types.Object,
     matrix: np.ndarray,
     depsgraph: bpy.types.Depsgraph,
+    meshes: dict[Hashable, Mesh],
 ) -> WaterRecord | None:
-    """A water object's record now; None if more than that has to be looked at."""
+    """A water object's record now; None if more than that has to be looked at. meshes: of the snapshot."""
     if record.is_instance or not is_water(obj) or not is_shown(obj):
         return None
     surface = read_surface(obj, depsgraph)
-    if surface.resolution == 0 or record.body.grid is None:  # its mesh may be another
+    mesh = None
+    if (surface.resolution == 0) != (record.body.grid is None):
         return None
-    body = water_body(obj.original.name, record.body.key, surface, matrix, None, walk.notes.append)
+    if surface.resolution == 0:
+        look = walk.look(obj, record.uid, obj.data.session_uid, own_instance=False)
+        if look is None or look.mesh is not meshes.get(record.body.mesh):
+            return None
+        mesh = look.mesh.key
+    body = water_body(obj.original.name, record.body.key, surface, matrix, mesh, walk.notes.append)
     if body is None:
         return None
     return record if same_body(body, record.body) else dataclasses.replace(record, body=body)
+
+
+def _is_for_other_engines(block: bpy.types.ID) -> bool:
+    """Whether a data-block is part of what water objects carry for Blender's own engines.
+
+    With those, it changes in every frame, and no draw uses it.
+    """
+    if isinstance(block, bpy.types.Material):
+        return is_ours(block)
+    return isinstance(block, bpy.types.NodeTree) and is_ours_node_tree(block)
 
 
 def _depsgraph_key(depsgraph: bpy.types.Depsgraph) -> Hashable:

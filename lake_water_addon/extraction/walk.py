@@ -312,11 +312,11 @@ class Walk:
         self.meshes_read += 1
         if in_place:  # the evaluated mesh may only wrap what is being edited
             try:
-                geometry = read_mesh(obj.to_mesh(), uv_name, color_name)
+                geometry = read_mesh(obj.to_mesh(), uv_name, color_name, flat=is_water(obj))
             finally:
                 obj.to_mesh_clear()
         else:
-            geometry = read_mesh(obj.data, uv_name, color_name)
+            geometry = read_mesh(obj.data, uv_name, color_name, flat=is_water(obj))
         return None if geometry is None else self._store.intern(key, geometry)
 
     def _mesh_key(

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..core.snapshot import WaterBody, WaterSettings
+from ..nodes.carry import modifier_of
 from ..water_objects import settings_of
 from .objects import Name, find_original
 
@@ -50,12 +51,31 @@ def read_surface(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> Water
     """The surface of an evaluated water object."""
     source = _source(obj.original, depsgraph)
     settings = source.lake_water
-    corners = np.array(obj.bound_box, dtype=np.float64)[:, :2]
     return WaterSurface(
         resolution=settings.grid_resolution if settings.surface == "GRID" else 0,
-        bounds=np.stack([corners.min(axis=0), corners.max(axis=0)]),
+        bounds=_bounds(obj),
         settings=settings_of(source),
     )
+
+
+def _bounds(obj: bpy.types.Object) -> np.ndarray:
+    """(2, 2) least and greatest x, y of an evaluated water object, without what *Sine Waves* makes of it."""
+    original = obj.original
+    data = original.data
+    waves = modifier_of(original)
+    if (
+        waves is not None
+        and len(original.modifiers) == 1
+        and obj.mode == "OBJECT"
+        and data.shape_keys is None
+        and len(data.vertices)
+    ):
+        points = np.empty((len(data.vertices), 3), dtype=np.float32)
+        data.attributes["position"].data.foreach_get("vector", points.ravel())
+    else:
+        points = np.array(obj.bound_box)
+    points = points[:, :2].astype(np.float64)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def _source(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.types.Object:
@@ -63,7 +83,16 @@ def _source(original: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.t
 
     The original needs no update to be tagged; it is also what a script has just set.
     """
-    return original.evaluated_get(depsgraph) if original.animation_data is not None else original
+    return original.evaluated_get(depsgraph) if _may_be_animated(original) else original
+
+
+def _may_be_animated(original: bpy.types.Object) -> bool:
+    animation = original.animation_data
+    if animation is None:
+        return False
+    if animation.action is not None or animation.nla_tracks:
+        return True
+    return any(not curve.data_path.startswith("modifiers[") for curve in animation.drivers)
 
 
 def refresh(records: Iterable[WaterRecord], depsgraph: bpy.types.Depsgraph) -> tuple[WaterRecord, ...] | None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import fields
 from pathlib import Path
+from types import ModuleType
 
 import bpy
 import numpy as np
@@ -43,7 +44,7 @@ def test_add_water_makes_a_rectangle_at_the_cursor_with_the_default_settings() -
     bpy.context.scene.cursor.location = (1.0, -2.0, 3.5)
     obj = add_water(size=8.0)
     assert tuple(obj.location) == (1.0, -2.0, 3.5)
-    assert tuple(obj.dimensions) == (8.0, 8.0, 0.0)
+    assert tuple(obj.dimensions)[:2] == (8.0, 8.0)
     assert obj.data.polygons[0].normal.z == 1.0, "the surface must face up"
     assert bpy.context.selected_objects == [obj]
     assert (obj.lake_water.enabled, obj.lake_water.surface) == (True, "GRID")
@@ -388,6 +389,8 @@ class Layout:
         self.parts.append(Layout())
         return self.parts[-1]
 
+    split = row = column
+
     def separator(self) -> None:
         pass
 
@@ -442,6 +445,20 @@ def test_without_a_sun_its_panels_say_so() -> None:
         layout = draw_panel(effect)
         assert layout.text()[0] == "No sun light in this scene"
         assert not any(layout.shown().values())
+
+
+def test_the_panel_says_how_caustics_are_summed_here(
+    gpu: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def said(wanted: str) -> str:
+        layout = Layout()
+        panels._Caustics().draw_method(layout, wanted)
+        return " ".join(sorted(layout.text()))
+
+    assert [said(method) for method in ("AUTO", "CPU", "GPU_COMPUTE")] == ["GPU Compute In Use", "", ""]
+    monkeypatch.setattr(gpu.platform, "backend_type_get", lambda: "METAL")
+    assert said("AUTO") == "GPU Points In Use"
+    assert "GPU Compute" in said("GPU_COMPUTE") and "Metal" in said("GPU_COMPUTE")
 
 
 def test_a_sun_is_found_wherever_it_is() -> None:

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who evaluates the water's nodes, and when: as the engine and the viewports want it.
+
+LAKE_WATER and the draw handler displace the surface on the graphics card, and Blender must not do the
+same work once more. So, for each water object:
+
+- while all its scenes render with LAKE_WATER, nothing drives modifier and material, and the modifier
+  is off;
+- with another engine they are driven, and the modifier is on for renders (F12, `blender -b`);
+- it is on for viewports while one of them is in Rendered mode with such an engine, and always where
+  there is no window and so no draw handler.
+
+What changes the answer, and how it is noticed: the engine set by a person or by Python (the depsgraph
+handler: the scene is tagged), on the command line (`render_init`); a viewport's shading mode, a closed
+area or window (each is followed by a redraw: a draw handler compares, and a timer changes the data);
+new, duplicated or linked water and waves added or removed (the depsgraph handler); loading, undo.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from .. import handlers
+from ..water_objects import waters_of
+from . import carry
+
+OWN_ENGINE = "LAKE_WATER"
+ENGINES_WITHOUT_NODES = {OWN_ENGINE, "BLENDER_WORKBENCH"}
+
+
+class _State:
+    """What lives between register() and unregister()."""
+
+    def __init__(self) -> None:
+        self.listener: handlers.Listener | None = None
+        self.draw_handle: object | None = None
+        self.viewport_shows = False  # what the objects were set up for last
+
+
+_state: _State | None = None
+
+
+def shows_nodes(space: bpy.types.SpaceView3D, engine: str) -> bool:
+    """Whether a viewport shows the water of Blender's own engine, and the draw handler must keep out."""
+    return space.shading.type == "RENDERED" and engine not in ENGINES_WITHOUT_NODES
+
+
+def _some_viewport_shows() -> bool:
+    """Whether any viewport does; in background mode, where there is none to draw in: yes."""
+    if bpy.app.background:
+        return True
+    return any(
+        area.type == "VIEW_3D" and shows_nodes(area.spaces.active, window.scene.render.engine)
+        for manager in bpy.data.window_managers
+        for window in manager.windows
+        for area in window.screen.areas
+    )
+
+
+def _is_for_other_engine(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Whether a scene that has the object, such as the one given, renders with another engine."""
+    if scene.render.engine != OWN_ENGINE:
+        return True
+    if len(bpy.data.scenes) == 1:
+        return False
+    return any(user.render.engine != OWN_ENGINE for user in obj.users_scene)
+
+
+def update(scene: bpy.types.Scene) -> None:
+    """Dress and switch a scene's water objects as they are to be now. Changes nothing that is right."""
+    shown = _state.viewport_shows = _some_viewport_shows()
+    for obj in handlers.waters(scene):
+        update_object(obj, scene, viewport_shows=shown)
+
+
+def update_object(obj: bpy.types.Object, scene: bpy.types.Scene, *, viewport_shows: bool) -> None:
+    """The same for one water object of the scene."""
+    wanted = _is_for_other_engine(obj, scene)
+    if carry.is_editable(obj):
+        if not carry.is_dressed(obj):
+            carry.dress(obj)
+        if carry.waves_shown(obj) != (carry.wave_count(obj) if wanted else None):
+            carry.set_waves(obj, wanted=wanted)
+    carry.set_visibility(obj, render=wanted, viewport=wanted and viewport_shows)
+
+
+def update_file() -> None:
+    """All scenes of the file, and node groups that an older version built."""
+    carry.upgrade_groups()
+    for scene in bpy.data.scenes:
+        if waters_of(scene):
+            update(scene)
+
+
+def _updated(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
+    update(scene.original)
+
+
+@persistent
+def _render_init(scene: bpy.types.Scene, *_args: object) -> None:
+    """The command line sets the engine (`-E`) and tells nobody."""
+    if _state is not None:
+        update(scene)
+
+
+def _after_drawing() -> None:
+    """Draw handler: data must not be changed while drawing, so a timer does it."""
+    if _state is None or _some_viewport_shows() == _state.viewport_shows:
+        return
+    if not bpy.app.timers.is_registered(_follow_viewports):
+        bpy.app.timers.register(_follow_viewports, first_interval=0.0)
+
+
+def _follow_viewports() -> None:
+    if _state is not None:
+        for scene in bpy.data.scenes:
+            update(scene)
+
+
+def register() -> None:
+    """Start to follow engine and viewports. A file that is open already is looked at when it changes."""
+    global _state  # noqa: PLW0603 - the one piece of state, gone again after unregister()
+    _state = _State()
+    _state.listener = handlers.Listener(loaded=update_file, undone=update_file, updated=_updated)
+    handlers.subscribe(_state.listener)
+    bpy.app.handlers.render_init.append(_render_init)
+    if not bpy.app.background:
+        add = bpy.types.SpaceView3D.draw_handler_add
+        _state.draw_handle = add(_after_drawing, (), "WINDOW", "POST_VIEW")
+
+
+def unregister() -> None:
+    """Leave the objects as they are."""
+    global _state  # noqa: PLW0603
+    if _state is None:
+        return
+    if _state.draw_handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_state.draw_handle, "WINDOW")
+    if bpy.app.timers.is_registered(_follow_viewports):
+        bpy.app.timers.unregister(_follow_viewports)
+    bpy.app.handlers.render_init.remove(_render_init)
+    handlers.unsubscribe(_state.listener)
+    _state = None
