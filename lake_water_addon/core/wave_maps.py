@@ -21,6 +21,9 @@ import numpy as np
 
 MapKind = Literal["NORMAL", "DUDV"]
 
+STRENGTH: dict[MapKind, float] = {"NORMAL": 0.2, "DUDV": 0.25}
+"""Root mean square slope of the maps made for a person; with it, no displacement of a dudv map is cut."""
+
 MIN_Z = 1e-3
 """Least z of a decoded normal before it is made unit: grey has no direction at all."""
 
@@ -126,11 +129,19 @@ def dudv_map(slopes: np.ndarray, strength: float) -> np.ndarray:
 
 
 def make_map(
-    kind: MapKind, seed: int, size: int, strength: float, spectrum: Spectrum = POND_RIPPLES
+    kind: MapKind,
+    seed: int,
+    size: int,
+    strength: float | None = None,
+    spectrum: Spectrum = POND_RIPPLES,
 ) -> np.ndarray:
-    """(size, size, 3) float64 in 0..1: a normal map or a dudv map of one tile of waves."""
+    """(size, size, 3) float64 in 0..1: a normal map or a dudv map of one tile of waves.
+
+    strength: root mean square slope; None for that of `STRENGTH`.
+    """
     slopes = slope_field(sines(seed, spectrum), size)
-    return (normal_map if kind == "NORMAL" else dudv_map)(slopes, strength)
+    encode = normal_map if kind == "NORMAL" else dudv_map
+    return encode(slopes, STRENGTH[kind] if strength is None else strength)
 
 
 def decode_normal(texels: np.ndarray) -> np.ndarray:
