@@ -81,6 +81,16 @@ def add_spec(*, display_referred: bool) -> tuple[ShaderSpec, dict[str, str]]:
     return spec, defines
 
 
+def highlight_target(targets: Targets) -> Target:
+    """colors: 0..1, of the sun's mirror image."""
+    return targets.get(("glow", "highlights"), (SIDE, SIDE), ("R16F",))
+
+
+def star_target(targets: Targets) -> Target:
+    """colors: the filtered highlights."""
+    return targets.get(("glow", "star"), (SIDE, SIDE), ("R16F",), depth=False, filtered=(True,))
+
+
 class GlowPainter:
     """Draws the glow of a planned picture: `draw_star`, then `add` into the picture's framebuffer.
 
@@ -112,8 +122,7 @@ class GlowPainter:
         of the cameras along the sun, or None for water that all the sun reaches.
         """
         glow = plan.glow
-        highlights = self._targets.get(("glow", "highlights"), (SIDE, SIDE), ("R16F",))
-        star = self._targets.get(("glow", "star"), (SIDE, SIDE), ("R16F",), depth=False, filtered=(True,))
+        highlights, star = highlight_target(self._targets), star_target(self._targets)
         projection = glow.drawn_projection((depth.width, depth.height))
         own_view = self._view.update(*uniforms.view(glow.view, projection))
         with _drawn_part(highlights, glow.size):
