@@ -56,13 +56,6 @@ def reflect_upwards(incident: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return r / np.linalg.norm(r, axis=-1, keepdims=True)
 
 
-def rising(direction: np.ndarray) -> np.ndarray:
-    """The direction with its z raised to at least MIN_RISE of its length; unit. For looking up the sky."""
-    unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    unit = np.concatenate([unit[..., :2], np.maximum(unit[..., 2:], MIN_RISE)], axis=-1)
-    return unit / np.linalg.norm(unit, axis=-1, keepdims=True)
-
-
 def reflectance_at_normal(n12: float) -> float:
     """f = ((1 - n12) / (1 + n12))^2; 0.0204 for 0.75."""
     return ((1.0 - n12) / (1.0 + n12)) ** 2

@@ -50,7 +50,11 @@ def _coordinates(planned: TexturePass, points: np.ndarray) -> np.ndarray:
 
 
 def radiance_from_above(surface: np.ndarray, direction: np.ndarray, textures: UnderTextures) -> np.ndarray:
-    """(n, 3) radiance of what is above, looked up at U + m R or nearer to U; outside the texture, the sky."""
+    """(n, 3) radiance of what is above, looked up at U + m R or nearer to U; outside the texture, the sky.
+
+    A direction below the horizon, as R1 often is, is raised to it: there is nothing else above the water.
+    """
+    direction = np.concatenate([direction[:, :2], np.maximum(direction[:, 2:], optics.MIN_RISE)], axis=1)
     texel = np.zeros((len(surface), 4))
     uv = np.zeros((len(surface), 2))
     open_rays = np.ones(len(surface), bool)
@@ -61,7 +65,7 @@ def radiance_from_above(surface: np.ndarray, direction: np.ndarray, textures: Un
         open_rays &= texel[:, 3] <= 0.5
     color = texel[:, :3] / np.maximum(texel[:, 3:], 1e-4)
     known = np.clip(4.0 * texel[:, 3], 0.0, 1.0) * inside_texture(uv, textures.fade)
-    sky = textures.sky_radiance(optics.rising(direction))
+    sky = textures.sky_radiance(direction / np.linalg.norm(direction, axis=1, keepdims=True))
     return sky + known[:, None] * (color - sky)
 
 

@@ -36,13 +36,6 @@ vec3 reflect_upwards(vec3 incident, vec3 normal)
   return normalize(r);
 }
 
-// For looking up the sky: what points below the horizon is raised to it.
-vec3 rising(vec3 direction)
-{
-  vec3 unit = normalize(direction);
-  return normalize(vec3(unit.xy, max(unit.z, MIN_RISE)));
-}
-
 // pow(0, 0) is undefined in GLSL, and q may be 0: the base stays just above it.
 float schlick(float cosine, float f, float q)
 {

@@ -17,6 +17,8 @@ vec3 refraction_without_hole(vec3 normal, vec3 to_eye)
 
 vec3 radiance_from_above(vec3 surface, vec3 direction)
 {
+  // Below the horizon there is nothing above the water, and the picture has the sky's nadir there.
+  direction.z = max(direction.z, MIN_RISE);
   // As from the air: a lookup in the inside of something cut open is drawn back towards the surface.
   float reach = RAY_LENGTH;
   vec4 texel = vec4(0.0);
@@ -32,7 +34,7 @@ vec3 radiance_from_above(vec3 surface, vec3 direction)
   }
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
-  return known < 1.0 ? mix(sky_radiance(rising(direction)), color, known) : color;
+  return known < 1.0 ? mix(sky_radiance(normalize(direction)), color, known) : color;
 }
 
 // The texture is fogged already, over the whole way from the mirrored camera.

@@ -180,15 +180,6 @@ def test_twin_fresnel_dielectric(n12):
     compare(got[decided], optics.fresnel_dielectric(cosine, n12)[decided], bound[decided])
 
 
-def test_twin_rising():
-    directions = unit_vectors(2000, 23) * single(np.geomspace(0.1, 10, 2000))[:, None]
-    directions = single(directions)
-    directions[:4] = (0, 0, 1), (0, 0, -1), (1, 0, 0), (3, 0, -1e-5)
-    got = evaluate(["optics_lib.glsl"], {"r": ("vec3", "rising(d)")}, d=directions)["r"]
-    compare(got, optics.rising(directions), 8 * EPS)
-    assert np.all(got[:, 2] > 0.0)
-
-
 def test_twin_attenuation():
     """Relative 4 EPS (1 + k d), as rounding k d is; what underflows float32 may be 0."""
     k, d = (
