@@ -36,9 +36,9 @@ class FrameSettings:
     use_shadows: bool = True
     light_depth_size: int = 1024
     use_glow: bool = True
-    glow_strength: float = 1.0
+    glow_strength: float = 4.0
     glow_exponent: float = 200.0
-    glow_threshold: float = 0.0
+    glow_threshold: float = 0.95
     use_exact_under_water: bool = False
 
 
