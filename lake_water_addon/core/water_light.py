@@ -17,9 +17,9 @@ from collections.abc import Callable
 import numpy as np
 
 from . import cameras, optics
+from .lookup import inside_texture
 from .plan import BodyPlan
 from .snapshot import Sun
-from .technique_lake import inside_texture
 
 WINDOW_FADE = 0.03
 """Width, as a part of the window, over which the caustics give way to the light through a calm surface."""

@@ -1,18 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The Lake technique (Mihalik's thesis, 2008; MODEL section 1), camera in the air.
+// The Lake technique (Mihalik's thesis, 2008; MODEL section 1), camera in the air. Twin: core/technique_lake.py.
 
-float bottom_depth(vec2 uv)
-{
-  ivec2 size = textureSize(refraction_depth, 0);
-  // Clamped before the conversion: integers overflow far outside the texture.
-  return texelFetch(refraction_depth, min(ivec2(clamp(uv, 0.0, 1.0) * vec2(size)), size - 1), 0).r;
-}
-
-#include "intersection_lib.glsl"
-#include "lookup_lib.glsl"
-
-// Alpha of a lookup below which another place is tried.
-#define LEAST_KNOWN 0.25
+#include "air_lookup_lib.glsl"
 
 vec3 refracted_radiance(vec3 surface, vec3 direction)
 {
@@ -20,40 +9,7 @@ vec3 refracted_radiance(vec3 surface, vec3 direction)
   vec3 r = transform_direction(water.refraction_view, direction);
   Intersection found = intersect(u, r, water.refraction_projection, int(water.fresnel.y));
   vec2 uv = to_texture(water.refraction_projection, found.hit);
-  vec4 texel = texture(refraction_color, uv);
-  if (texel.a < LEAST_KNOWN) {
-    // Nothing was drawn there, such as the dry part of a post: look straight through the surface.
-    uv = to_texture(water.refraction_projection, u);
-    texel = texture(refraction_color, uv);
-    bool orthographic = is_orthographic(water.refraction_projection);
-    found.bottom = bottom_through(u, -bottom_depth(uv), orthographic);
-  }
-  // Premultiplied: the division takes texels with no colour out of the filter's mean.
-  vec3 color = texel.rgb / max(texel.a, 1e-4);
-  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
-  float a = attenuation(water.optics.x, distance(found.bottom, u));
-  return through_water(color, water.color.rgb, known * a);
-}
-
-vec3 reflected_radiance(vec3 surface, vec3 direction)
-{
-  // Mirroring U + c R is one with the view of the reflection camera. A lookup that lands in the
-  // inside of something that crosses the water line is drawn back along the ray towards U.
-  float reach = water.optics.z;
-  vec4 texel = vec4(0.0);
-  vec2 uv = vec2(0.0);
-  for (int i = 0; i < 4; i++) {
-    vec3 w = transform_point(water.reflection_view, surface + reach * direction);
-    uv = to_texture(water.reflection_projection, w);
-    texel = texture(reflection_color, uv);
-    if (texel.a > 0.5) {
-      break;
-    }
-    reach = i < 2 ? 0.5 * reach : 0.0;
-  }
-  vec3 color = texel.rgb / max(texel.a, 1e-4);
-  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
-  return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
+  return radiance_through_water(u, uv, distance(found.bottom, u));
 }
 
 vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
