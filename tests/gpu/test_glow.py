@@ -31,8 +31,12 @@ def lake(sun, waves=(), things=(), half_size=30.0, resolution=129):
     return scenes.snapshot(boxes, (red,), draws, (body,), sun=sun)
 
 
+THESIS = {"glow_strength": 1.0, "glow_exponent": 200.0, "glow_threshold": 0.0}
+"""The whole of the thesis's highlight."""
+
+
 def glowing(scene, camera=VIEW, **options):
-    return planned(scene, camera, **{"use_glow": True, **options})
+    return planned(scene, camera, **{"use_glow": True, **THESIS, **options})
 
 
 def added(renderer, scene, camera=VIEW, size=SIZE, **options):
@@ -233,7 +237,7 @@ def nothing_of_it(scene, camera, **options):
     made, pictures = [], []
     for use_glow in (False, True):
         fresh, timer = FrameRenderer(), PassTimer()
-        plan = planned(scene, camera, use_glow=use_glow, **options)
+        plan = planned(scene, camera, use_glow=use_glow, **THESIS, **options)
         assert not plan.glow.drawn
         target = fresh.targets.get(("test",), SIZE, ("RGBA32F",))
         fresh.draw_picture(plan, target, timer)
@@ -321,6 +325,19 @@ def test_a_border_render_is_that_part_of_the_whole(renderer, waves):
     assert part.max() > 0.3 and part[0].max() > 0.05
     error = np.abs(part - whole[bottom:top, left:right])
     assert np.quantile(error, 0.995) < 2e-3 and error.max() < 0.05, (np.quantile(error, 0.995), error.max())
+
+
+def test_what_stands_beyond_the_border_matters_only_next_to_it(renderer):
+    """A wall from the border on hides highlights of the whole picture that the part cannot know of."""
+    wall = ((4.0, 0.2, 5.0), scenes.translation(3.6, -9.0))
+    scene = lake(sun_at(20.0), scenes.LAKE_WAVES, [wall])
+    whole = added(renderer, scene)
+    left, right = 90, 143  # the wall begins 2 pixels further
+    part = added(renderer, scene, size=(right - left, 240), window=(left / 320, 0.0, right / 320, 1.0))
+    assert whole[:, left:right].max() > 0.3
+    error = np.abs(part - whole[:, left:right]).max(axis=(0, 2))
+    assert error[-3:].max() > 0.01, "the wall hides nothing that would reach into the part"
+    assert error[:-6].max() < 0.02, error  # 5 texels of 0.83 pixels, and one of rounding
 
 
 def test_the_star_is_as_large_at_any_resolution(renderer):
