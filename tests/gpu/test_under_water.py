@@ -396,7 +396,7 @@ def test_dive_shows_no_flash_hole_or_jump(renderer, tilt, exact):
     Hole: a pixel with alpha below 1. Jump: the mean change, from one frame to the next, of the pixels that
     keep their side is at most four times the median over the dive. Flash: 4 x 4 pixels that are brighter or
     darker than in both the frame before and the one after, by more than 0.2 and beyond the meniscus. (The
-    waves' own glitter does so by 0.15; unfogged ground in the water, or the other way round, by 0.3.)
+    waves' own glitter does so by 0.15.)
     """
     frames = 51
     pictures, overs, sides = [], [], []
