@@ -16,8 +16,8 @@ from . import cameras, optics
 STEPS_PER_DOUBLING = 4
 """Sizes that a window may have between one and twice that."""
 
-SLACK = 1.07
-"""A window is at least so many times larger than what it must hold."""
+BORDER = 4
+"""Free texels on each side: a shadow's filter reads 1.5 texels away, and its lookup is moved by up to 2."""
 
 STEPS_PER_WINDOW = 16
 """A window moves by a part of its size, so that a moving view does not ask for a new one in each frame."""
@@ -72,12 +72,18 @@ def window(low: float, high: float, resolution: int) -> tuple[float, float]:
     """(start, size) in m of a window over [low, high], one of a fixed lattice for a given size.
 
     Sizes are powers of two and steps between, and a window starts at a multiple of a whole number of
-    its texels: whatever the view does, a point of the scene keeps its place within a texel.
+    its texels: whatever the view does, a point of the scene keeps its place within a texel. At least
+    BORDER texels on each side are free. ValueError for a resolution that has no room for them.
     """
-    wanted = max(high - low, MIN_WINDOW) * SLACK
+    step_texels = max(resolution // STEPS_PER_WINDOW, 1)
+    held = 1.0 - (step_texels + 2 * BORDER) / resolution  # part of a window, wherever its steps lie
+    if held <= 0.0:
+        raise ValueError(f"a light camera of {resolution} texels a side has no room for shadows: raise it")
+    wanted = max(high - low, MIN_WINDOW) / held
     size = 2.0 ** (np.ceil(STEPS_PER_DOUBLING * np.log2(wanted) - 1e-9) / STEPS_PER_DOUBLING)
-    step = size * max(resolution // STEPS_PER_WINDOW, 1) / resolution
-    return float(np.floor(low / step) * step), float(size)
+    texel = size / resolution
+    step = texel * step_texels
+    return float(np.floor((low - BORDER * texel) / step) * step), float(size)
 
 
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:

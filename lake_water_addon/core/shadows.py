@@ -3,8 +3,9 @@
 
 A point is lit where the nearest thing on the light's way lies no nearer than the point itself. The
 answers of 3x3 texels are weighted with a quadratic B-spline, which makes edges smooth over three
-texels. Before that the point is moved along its normal, just so far that a flat surface does not
-shade itself within those texels, whatever its slope.
+texels. Before that the point is moved along its face's normal, just so far that a flat surface does
+not shade itself within those texels, whatever its slope. The normal has to be the face's own: along
+one that is smoothed, or turned up as those of grass are, the point would stay in the face's plane.
 """
 
 from __future__ import annotations
@@ -19,6 +20,15 @@ from .light import LightCamera
 SHADOW_BIAS = 1e-3
 """m: nothing is shaded by what is nearer than this in front of it."""
 
+FILTER_REACH = 1.5
+"""Texels: how far from a place the filter reads."""
+
+WINDOW_BLEND = 1.0 / 16.0
+"""Width, as a part of a window, over which it gives way to the next, so that no line shows between them."""
+
+LEAST_BLEND = 1e-3
+"""Texels: the same of a window that is the last."""
+
 
 def spline_weights(offset: np.ndarray) -> np.ndarray:
     """(..., 3) weights of three texels for a point that lies `offset` texels, -1/2 to 1/2, beyond the middle
@@ -31,17 +41,26 @@ def normal_offset(normal: np.ndarray, to_light: np.ndarray, texel: float) -> np.
     """(...,) m by which points with unit normals (..., 3) are moved along them: 2 texels times the sine.
 
     Over the filter's 1.5 texels, a plane at an angle to the light is 1.5 texels times its tangent deep;
-    moved along its normal by as many texels times the sine, it clears that.
+    moved along its normal by as many texels times the sine, it clears that. Negative where the normal
+    points away from the light: both sides of a leaf are lit by what reaches the leaf.
     """
-    cosine = np.clip(np.sum(normal * to_light, axis=-1), 0.0, 1.0)
-    return 2.0 * texel * np.sqrt(1.0 - cosine * cosine) + SHADOW_BIAS
+    cosine = np.clip(np.sum(normal * to_light, axis=-1), -1.0, 1.0)
+    clearance = 2.0 * texel * np.sqrt(1.0 - cosine * cosine) + SHADOW_BIAS
+    return np.where(cosine < 0.0, -clearance, clearance)
 
 
-def in_window(projection: np.ndarray, size: int, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where points (n, 3) in a light camera's space lie in its window, (n, 2) in texels, and whether the
-    filter around them is within it (n,)."""
-    texel = cameras.to_texture(projection, at) * size
-    return texel, np.all((texel >= 1.5) & (texel <= size - 1.5), axis=1)
+def in_window(projection: np.ndarray, size: int, at: np.ndarray) -> np.ndarray:
+    """Where points (n, 3) in a light camera's space lie in its window, (n, 2) in texels."""
+    return cameras.to_texture(projection, at) * size
+
+
+def window_weight(size: int, texel: np.ndarray, blend: float) -> np.ndarray:
+    """(n,) what a window counts at places (n, 2), in texels, in it.
+
+    Nothing within the filter's reach of its border, and all of it from `blend` texels further in.
+    """
+    inside = np.minimum(texel, size - texel).min(axis=1) - FILTER_REACH
+    return np.clip(inside / blend, 0.0, 1.0)
 
 
 def lit_part(depth: np.ndarray, texel: np.ndarray, along: np.ndarray) -> np.ndarray:
@@ -63,18 +82,21 @@ def lit_part(depth: np.ndarray, texel: np.ndarray, along: np.ndarray) -> np.ndar
 def visibility(
     position: np.ndarray, normal: np.ndarray, windows: Sequence[LightCamera], depths: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """(n,) part of the light that reaches points (n, 3) with unit normals (n, 3).
+    """(n,) part of the light that reaches points (n, 3) of faces with unit normals (n, 3), either of the two.
 
-    windows: cameras along one light; the first that has a point decides. depths: their textures, as for
-    `lit_part`. Outside of all, everything is lit.
+    windows: cameras along one light; the first that has a point decides, and over a band along its border
+    the next, too. depths: their textures, as for `lit_part`. Outside of all, everything is lit.
     """
-    lit = np.ones(len(position))
-    open_points = np.ones(len(position), bool)
-    for camera, depth in zip(windows, depths, strict=True):
+    lit = np.zeros(len(position))
+    unknown = np.ones(len(position))
+    for i, (camera, depth) in enumerate(zip(windows, depths, strict=True)):
+        size = camera.resolution
         moved = position + normal_offset(normal, -camera.direction, camera.texel.max())[:, None] * normal
         at = moved @ camera.view[:3, :3].T + camera.view[:3, 3]
-        texel, inside = in_window(camera.projection, camera.resolution, at)
-        inside &= open_points
-        lit[inside] = lit_part(depth, texel[inside], -at[inside, 2])
-        open_points &= ~inside
-    return lit
+        texel = in_window(camera.projection, size, at)
+        blend = WINDOW_BLEND * size if i < len(windows) - 1 else LEAST_BLEND
+        weight = unknown * window_weight(size, texel, blend)
+        inside = weight > 0.0
+        lit[inside] += weight[inside] * lit_part(depth, texel[inside], -at[inside, 2])
+        unknown -= weight
+    return lit + unknown

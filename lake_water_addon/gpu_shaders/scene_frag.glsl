@@ -20,6 +20,8 @@
 
 void main()
 {
+  // The face's own normal, for shadows; here, as there are no derivatives in a branch.
+  vec3 face = cross(dFdx(v_position), dFdy(v_position));
 #ifdef CLIPPED
   // Height over the waves, on the side that is left out; waves are summed only where they reach, and
   // one texel further, for the derivative. (It is taken here because there is none in a branch.)
@@ -51,6 +53,7 @@ void main()
   // A face seen from behind is lit like its other side. By the face and not by the normal, which leaves
   // of grass have turned up on purpose.
   vec3 n = normalize(gl_FrontFacing ? v_normal : -v_normal);
+  face = dot(face, face) > 1e-36 ? normalize(face) : n;
   bool in_air = true;
 #ifdef UNDER_WATER
   in_air = false;
@@ -59,28 +62,37 @@ void main()
   in_air = v_position.z - water.plane.z > wave_height(v_position.xy - water.plane.xy);
 #endif
   vec3 sun = vec3(0.0);
+  vec3 sky = vec3(1.0);
   if (in_air) {
     sun = sun_in_air(n);
 #ifdef SHADOWS
     if (max(max(sun.r, sun.g), sun.b) > 0.0) {
-      sun *= sun_visibility(v_position, n);
+      sun *= sun_visibility(v_position, face);
     }
 #endif
   }
 #ifdef UNDER_WATER
   else {
-    sun = sun_in_water(v_position, n);
+    sun = sun_in_water(v_position, n, face);
+    sky = sky_in_water(v_position);
   }
 #endif
-  out_color = vec4(diffuse_radiance(albedo, n, sun), 1.0);
+  out_color = vec4(diffuse_radiance(albedo, n, sun, sky), 1.0);
 #ifdef MARK_INSIDE
   // The inside of a solid that the water line cuts open: nothing can be seen there, so that a
   // lookup that lands here must be taken elsewhere.
-  if (mark_inside != 0 && !gl_FrontFacing) {
+  bool unknown = mark_inside != 0 && !gl_FrontFacing;
+  if (unknown) {
     out_color = vec4(0.0);
   }
 #endif
 #ifdef LINEAR_DEPTH
   out_depth = v_depth;
+#  ifdef MARK_INSIDE
+  // A ray that is searched here is behind something, and hits nothing.
+  if (unknown) {
+    out_depth = 0.0;
+  }
+#  endif
 #endif
 }

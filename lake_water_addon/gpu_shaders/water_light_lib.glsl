@@ -15,13 +15,14 @@ float calm_light_path(vec3 position)
 }
 
 #ifdef SHADOWS
-// Part of the light in the water that reaches a point, 0 to 1: what lies under water casts these shadows.
+// Part of the light in the water that reaches a point of a face with this normal, 0 to 1: what lies under
+// water casts these shadows.
 float water_light_visibility(vec3 position, vec3 normal)
 {
   vec3 moved = position + normal_offset(normal, -water_light.direction.xyz, water_light.depth.y) * normal;
   vec3 at = transform_point(water_light.view, moved);
-  vec2 texel;
-  if (!in_window(water_light.projection, water_light.depth.x, at, texel)) {
+  vec2 texel = in_window(water_light.projection, water_light.depth.x, at);
+  if (window_weight(water_light.depth.x, texel, LEAST_BLEND) < 1.0) {
     return 1.0;
   }
   return lit_part(light_depth, texel, -at.z);
@@ -54,8 +55,14 @@ float light_through_water(vec3 position)
 #endif
 }
 
-// Irradiance of the sun on a surface in the water.
-vec3 sun_in_water(vec3 position, vec3 normal)
+// Part of the sky's light that is left at a point in the water.
+vec3 sky_in_water(vec3 position)
+{
+  return water_light.sky.w * exp(-water_light.sky.rgb * max(water.plane.z - position.z, 0.0));
+}
+
+// Irradiance of the sun on a surface in the water. face: the normal of the face itself, for shadows.
+vec3 sun_in_water(vec3 position, vec3 normal, vec3 face)
 {
   float cosine = max(-dot(normal, water_light.direction.xyz), 0.0);
   float relative = water_light.depth.w * water_light.direction.w * cosine;
@@ -64,7 +71,8 @@ vec3 sun_in_water(vec3 position, vec3 normal)
   }
   relative *= light_through_water(position);
 #ifdef SHADOWS
-  relative *= water_light_visibility(position, normal);
+  relative *= water_light_visibility(position, face);
 #endif
-  return lights.sun_irradiance.rgb * relative;
+  vec3 by_color = water_light.sun.w * exp(-water_light.sun.rgb * calm_light_path(position));
+  return lights.sun_irradiance.rgb * by_color * relative;
 }
