@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a technique's own settings have in common, and how they reach the shader.
+
+Each technique has a frozen dataclass of them. Its fields are numbers, switches and tuples of up to four
+numbers; in GLSL, field i is `technique.values[i]`, to which the technique's file gives a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+import numpy as np
+
+from .wave_maps import MapKind
+
+MAX_VALUES = 24
+"""Length of the array in `gpu_shaders/uniforms_lib.glsl`."""
+
+
+@dataclass(frozen=True)
+class TechniqueSettings:
+    """Base of the settings of a technique.
+
+    maps: the images that it looks up beside those of the passes, by the name of their sampler, each with
+    the kind that is expected: a MapKind, or "COLOR" for any picture.
+    """
+
+    maps: ClassVar[Mapping[str, MapKind | str]] = {}
+
+    @property
+    def displaces(self) -> bool:
+        """Whether the waves raise the surface; if not, it is drawn flat."""
+        return True
+
+    def moving(self, time: float) -> tuple[tuple[float, ...], ...]:
+        """What of it changes with the scene's time (s), in vectors that follow those of the fields."""
+        return ()
+
+
+def pack(settings: TechniqueSettings, time: float = 0.0) -> np.ndarray:
+    """(n, 4) float64: a row for each field in order, then what moves at `time` (s); short rows end in zeros.
+
+    Raises ValueError when the array in the shader is too short for all of them.
+    """
+    values = [getattr(settings, field.name) for field in fields(settings)]
+    values += settings.moving(time)
+    if len(values) > MAX_VALUES:
+        raise ValueError(f"{type(settings).__name__} has {len(values)} values, the shader takes {MAX_VALUES}")
+    rows = np.zeros((len(values), 4))
+    for row, value in zip(rows, values, strict=True):
+        numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+        row[: len(numbers)] = numbers
+    return rows
+
+
+def scrolled(velocity: tuple[float, float], time: float, tile_size: float) -> tuple[float, float]:
+    """How far, in tiles reduced to [0, 1), a map has moved after `time` s at `velocity` m/s.
+
+    Reduced here, in float64: after hours of scene time a float32 would have lost the ripples' digits.
+    """
+    x, y = np.mod(np.multiply(velocity, time) / tile_size, 1.0)
+    return float(x), float(y)
