@@ -25,6 +25,7 @@ from .display import bake_view_transform, view_settings_key
 from .engine import LakeWaterRenderEngine, viewport_statistics
 from .extract import camera_from_view
 from .host import Host
+from .nodes.switching import shows_nodes
 from .render.frame import PassTimer
 
 TEXT_SIZE = 11.0
@@ -60,7 +61,9 @@ def _draws_in(context: bpy.types.Context) -> bool:
     space, scene = context.space_data, context.scene
     if _state is None or space is None or space.type != "VIEW_3D" or not scene.lake_water.show_in_viewport:
         return False
-    return not _is_rendered_by_us(context) and bool(handlers.waters(scene))
+    if _is_rendered_by_us(context) or shows_nodes(space, context.engine):
+        return False
+    return bool(handlers.waters(scene))
 
 
 def _is_rendered_by_us(context: bpy.types.Context) -> bool:
@@ -72,14 +75,10 @@ def _is_rendered_by_us(context: bpy.types.Context) -> bool:
 def _leaves_depth(context: bpy.types.Context) -> bool:
     """Whether the viewport's depth is that of what it shows, with no water in it.
 
-    Workbench always leaves that. EEVEE leaves zeros and Cycles the clear value where no overlay needs it. In
-    Rendered mode EEVEE's depth has the plane of the water object in it, which hides the waves' troughs, and
-    with Cycles there are whole quads where it shows alpha-clipped leaves.
+    Workbench always leaves that. Material Preview's EEVEE leaves zeros where no overlay needs it.
     """
     space = context.space_data
-    if space.shading.type == "MATERIAL":
-        return space.overlay.show_overlays
-    return space.shading.type != "RENDERED" or context.engine == "BLENDER_WORKBENCH"
+    return space.shading.type != "MATERIAL" or space.overlay.show_overlays
 
 
 @contextmanager
@@ -161,7 +160,7 @@ def _statistics(context: bpy.types.Context) -> list[str]:
     shown = context.scene.lake_water.show_statistics
     if _is_rendered_by_us(context):
         return viewport_statistics() if shown else []
-    if not context.scene.lake_water.show_in_viewport:
+    if not context.scene.lake_water.show_in_viewport or shows_nodes(context.space_data, context.engine):
         return []
     if _state.error is not None:
         return [_state.error]

@@ -102,11 +102,13 @@ def undress(obj: bpy.types.Object) -> None:
     if worn is None:
         return
     index = next(i for i, slot in enumerate(obj.material_slots) if slot.material == worn)
-    if obj.data.users == 1 and obj.data.library is None:
+    obj.material_slots[index].material = None
+    obj.material_slots[index].link = "DATA"
+    if (
+        obj.data.users == 1 and obj.data.library is None
+    ):  # a slot belongs to the mesh, and so to all its users
         obj.data.materials.pop(index=index)
-    else:  # a slot belongs to the mesh, and so to all its users
-        obj.material_slots[index].material = None
-        obj.material_slots[index].link = "DATA"
+        obj.data = obj.data  # only this tells the object that a slot is gone
     if not worn.users:
         bpy.data.materials.remove(worn)
 

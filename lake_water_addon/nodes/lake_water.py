@@ -12,7 +12,9 @@ that light refracted at the flat surface would take, d = depth / cos of the refr
 LAKE_WATER takes without caustics. The volume leaves these rays alone, or it would count them twice.
 
 EEVEE has no volume behind a surface. There d is found by a ray cast through the depth buffer along
-the refracted direction; where it leaves the picture the water has its own colour.
+the refracted direction, which is what its refraction looks up too. Where that leaves the picture, the
+surface is looked through straight on. Its sunlight is not weakened on the way down, and with the
+camera under water it shows the surface, attenuated over the way to it, but no fog on anything else.
 """
 
 from __future__ import annotations
@@ -141,13 +143,17 @@ def _build_lake_water(t: Tree) -> None:
 
     # EEVEE: from above over the ray in the water, from below over the way to the camera.
     into = t.vector("REFRACT", -to_eye, normal, scale=1.0 / ior)
-    hit = t.node("ShaderNodeRaycast", geometry["Position"], into, FAR)
-    distance = _choose(t, below, hit["Hit Distance"], t.node("ShaderNodeCameraData")["View Distance"])
-    known = t.math("MAXIMUM", hit["Is Hit"], below)
-    left = known * t.math("EXPONENT", -(k * distance))
+    bent = t.node("ShaderNodeRaycast", geometry["Position"], into, FAR)
+    unbent = t.node("ShaderNodeRaycast", geometry["Position"], -to_eye, FAR)
+    bent_left = bent["Is Hit"] * t.math("EXPONENT", -(k * bent["Hit Distance"]))
+    unbent_left = unbent["Is Hit"] * t.math("EXPONENT", -(k * unbent["Hit Distance"]))
+    left_below = t.math("EXPONENT", -(k * t.node("ShaderNodeCameraData")["View Distance"]))
+    left = _choose(t, below, bent_left, left_below)
+    left_unbent = unbent_left * (1.0 - t.math("MAXIMUM", bent["Is Hit"], below))
     part_refracted = (1.0 - reflected) * left
+    part_unbent = (1.0 - reflected) * left_unbent
     part_reflected = reflected * _choose(t, below, 1.0, left)
-    part_water = (1.0 - left) * _choose(t, below, 1.0 - reflected, 1.0)
+    part_water = (1.0 - left - left_unbent) * _choose(t, below, 1.0 - reflected, 1.0)
     refraction = t.node("ShaderNodeBsdfRefraction", t.combine(part_refracted, part_refracted, part_refracted))
     refraction.plug(None, 0.0, ior, normal)
     reflection = t.node(
@@ -155,7 +161,9 @@ def _build_lake_water(t: Tree) -> None:
     )
     t.plug(reflection.made.inputs["Normal"], normal)
     glow = t.node("ShaderNodeEmission", color, part_water)
+    straight_on = t.node("ShaderNodeBsdfTransparent", _gray(t, part_unbent))
     drawn = _add(t, _add(t, refraction["BSDF"], reflection["BSDF"]), glow["Emission"])
+    drawn = _add(t, drawn, straight_on["BSDF"])
     # Its shadow maps know no partial shadow without noise, and no distance: all light passes.
     clear_shadow = t.node("ShaderNodeBsdfTransparent", (1.0, 1.0, 1.0))
     eevee = _mix(t, path["Is Shadow Ray"], drawn, clear_shadow["BSDF"])

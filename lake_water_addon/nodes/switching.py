@@ -18,6 +18,8 @@ new, duplicated or linked water and waves added or removed (the depsgraph handle
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import bpy
 from bpy.app.handlers import persistent
 
@@ -29,13 +31,21 @@ OWN_ENGINE = "LAKE_WATER"
 ENGINES_WITHOUT_NODES = {OWN_ENGINE, "BLENDER_WORKBENCH"}
 
 
+@dataclass(frozen=True)
+class Viewports:
+    """Whether some, and whether all, of the viewports show the water of Blender's own engine."""
+
+    some: bool
+    all: bool
+
+
 class _State:
     """What lives between register() and unregister()."""
 
     def __init__(self) -> None:
         self.listener: handlers.Listener | None = None
         self.draw_handle: object | None = None
-        self.viewport_shows = False  # what the objects were set up for last
+        self.viewports = Viewports(False, False)  # what the objects were set up for last
 
 
 _state: _State | None = None
@@ -46,16 +56,18 @@ def shows_nodes(space: bpy.types.SpaceView3D, engine: str) -> bool:
     return space.shading.type == "RENDERED" and engine not in ENGINES_WITHOUT_NODES
 
 
-def _some_viewport_shows() -> bool:
-    """Whether any viewport does; in background mode, where there is none to draw in: yes."""
+def _look_at_viewports() -> Viewports:
+    """What the windows show; in background mode, with nothing drawn, some do and nothing is hidden by it."""
     if bpy.app.background:
-        return True
-    return any(
-        area.type == "VIEW_3D" and shows_nodes(area.spaces.active, window.scene.render.engine)
+        return Viewports(True, False)
+    shown = [
+        shows_nodes(area.spaces.active, window.scene.render.engine)
         for manager in bpy.data.window_managers
         for window in manager.windows
         for area in window.screen.areas
-    )
+        if area.type == "VIEW_3D"
+    ]
+    return Viewports(any(shown), bool(shown) and all(shown))
 
 
 def _is_for_other_engine(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
@@ -69,20 +81,24 @@ def _is_for_other_engine(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
 
 def update(scene: bpy.types.Scene) -> None:
     """Dress and switch a scene's water objects as they are to be now. Changes nothing that is right."""
-    shown = _state.viewport_shows = _some_viewport_shows()
+    _state.viewports = _look_at_viewports()
     for obj in handlers.waters(scene):
-        update_object(obj, scene, viewport_shows=shown)
+        _update_object(obj, scene, _state.viewports)
 
 
-def update_object(obj: bpy.types.Object, scene: bpy.types.Scene, *, viewport_shows: bool) -> None:
-    """The same for one water object of the scene."""
+def _update_object(obj: bpy.types.Object, scene: bpy.types.Scene, viewports: Viewports) -> None:
     wanted = _is_for_other_engine(obj, scene)
     if carry.is_editable(obj):
         if not carry.is_dressed(obj):
             carry.dress(obj)
         if carry.waves_shown(obj) != (carry.wave_count(obj) if wanted else None):
             carry.set_waves(obj, wanted=wanted)
-    carry.set_visibility(obj, render=wanted, viewport=wanted and viewport_shows)
+    carry.set_visibility(obj, render=wanted, viewport=wanted and viewports.some)
+    # As wires, so that no viewport draws faces below the draw handler's water (see water_objects.py). Where
+    # no handler draws, the wires of a fine grid would cover the water.
+    display = "TEXTURED" if viewports.all else "WIRE"
+    if scene.lake_water.show_in_viewport and obj.display_type in {"TEXTURED", "WIRE"} - {display}:
+        obj.display_type = display
 
 
 def update_file() -> None:
@@ -106,7 +122,7 @@ def _render_init(scene: bpy.types.Scene, *_args: object) -> None:
 
 def _after_drawing() -> None:
     """Draw handler: data must not be changed while drawing, so a timer does it."""
-    if _state is None or _some_viewport_shows() == _state.viewport_shows:
+    if _state is None or _look_at_viewports() == _state.viewports:
         return
     if not bpy.app.timers.is_registered(_follow_viewports):
         bpy.app.timers.register(_follow_viewports, first_interval=0.0)

@@ -234,7 +234,6 @@ def check_shading_modes() -> Steps:
                 ("WIREFRAME", "LAKE_WATER"),
                 ("SOLID", "LAKE_WATER"),
                 ("MATERIAL", "LAKE_WATER"),
-                ("RENDERED", "BLENDER_EEVEE"),
                 ("RENDERED", "BLENDER_WORKBENCH"),
             ):
                 bpy.context.scene.render.engine = engine
@@ -244,9 +243,10 @@ def check_shading_modes() -> Steps:
         for key, part in seen.items():
             expect(part > SEEN, f"no water in {key} (shading, engine, overlays): {part:.1%} covered")
         space.shading.type = "RENDERED"
-        bpy.context.scene.render.engine = "LAKE_WATER"
-        yield from settle()
-        expect(probe.coverage() == 0.0, "the handler draws over the engine's own picture")
+        for engine in ("LAKE_WATER", "BLENDER_EEVEE", "CYCLES"):
+            bpy.context.scene.render.engine = engine
+            yield from settle()
+            expect(probe.coverage() == 0.0, f"the handler draws over the water in the picture of {engine}")
 
 
 def check_visibility() -> Steps:
