@@ -73,6 +73,11 @@ class Resources:
         indices = GPUIndexBuf(type="TRIS", seq=np.ascontiguousarray(triangles, dtype=np.int32))
         return GPUBatch(type="TRIS", buf=vertices, elem=indices)
 
+    def points(self, vertices: GPUVertBuf) -> GPUBatch:
+        """A batch that draws each vertex as a point."""
+        self.made["batches"] += 1
+        return GPUBatch(type="POINTS", buf=vertices)
+
     def covering_triangle(self) -> GPUBatch:
         """One triangle over the whole target (attribute `position`, device coordinates); made once."""
         if self._triangle is None:

@@ -29,17 +29,22 @@ class ShaderError(RuntimeError):
 class ShaderSpec:
     """What a shader takes and gives. Types are those of `GPUShaderCreateInfo`.
 
-    uniform_buffers: (struct type of uniforms_lib.glsl, name); samplers: (type, name).
+    Either vertex and fragment are files, or compute is one: then group is the size of its work groups.
+    uniform_buffers: (struct type of uniforms_lib.glsl, name); samplers: (type, name); images, read and
+    written: (format, type, name).
     """
 
     name: str
-    vertex: str
-    fragment: str
-    vertex_in: tuple[tuple[str, str], ...]
+    vertex: str = ""
+    fragment: str = ""
+    compute: str = ""
+    group: tuple[int, int] = (1, 1)
+    vertex_in: tuple[tuple[str, str], ...] = ()
     varyings: tuple[tuple[str, str], ...] = ()
     outputs: tuple[tuple[str, str], ...] = (("VEC4", "out_color"),)
     uniform_buffers: tuple[tuple[str, str], ...] = ()
     samplers: tuple[tuple[str, str], ...] = ()
+    images: tuple[tuple[str, str, str], ...] = ()
     push_constants: tuple[tuple[str, str], ...] = ()
 
 
@@ -112,8 +117,25 @@ class ShaderLibrary:
             info.uniform_buf(slot, struct, name)
         for slot, (kind, name) in enumerate(spec.samplers):
             info.sampler(slot, kind, name)
+        for slot, (pixel_format, kind, name) in enumerate(spec.images):
+            info.image(slot, pixel_format, kind, name, qualifiers={"READ", "WRITE"})
         for kind, name in spec.push_constants:
             info.push_constant(kind, name)
+        if spec.compute:
+            info.local_group_size(*spec.group)
+            info.compute_source(read_source(spec.compute, defines))
+        else:
+            self._describe_drawing(info, spec, defines)
+        try:
+            return self._resources.shader(info)
+        except Exception as error:
+            variant = ", ".join(defines) or "no defines"
+            raise ShaderError(
+                f"the graphics driver refused the shader {spec.name} ({variant}): {error}"
+            ) from error
+
+    @staticmethod
+    def _describe_drawing(info: GPUShaderCreateInfo, spec: ShaderSpec, defines: dict[str, str]) -> None:
         for slot, (kind, name) in enumerate(spec.vertex_in):
             info.vertex_in(slot, kind, name)
         if spec.varyings:
@@ -125,10 +147,3 @@ class ShaderLibrary:
             info.fragment_out(slot, kind, name)
         info.vertex_source(read_source(spec.vertex, defines))
         info.fragment_source(read_source(spec.fragment, defines))
-        try:
-            return self._resources.shader(info)
-        except Exception as error:
-            variant = ", ".join(defines) or "no defines"
-            raise ShaderError(
-                f"the graphics driver refused the shader {spec.name} ({variant}): {error}"
-            ) from error

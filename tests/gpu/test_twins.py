@@ -16,6 +16,7 @@ import pytest
 from lake_water_addon.core import (
     air_lookup,
     cameras,
+    caustics,
     glow,
     intersection,
     lighting,
@@ -1297,3 +1298,293 @@ def test_twin_star_filter():
         at=np.stack([x, y], 1),
     )["star"]
     compare(got, glow.star_filter(np.pad(values, 5))[y + 5, x + 5], 4 * EPS)
+
+
+# photon_lib.glsl
+
+PHOTON_CASES = {
+    "lake": {},
+    "calm": {"waves": ()},
+    "steep": {"waves": scenes.STEEP_WAVES},
+    "high index, no refraction": {"ior": 1.0, "waves": scenes.LAKE_WAVES},
+}
+every_photon = pytest.mark.parametrize("case", PHOTON_CASES.values(), ids=PHOTON_CASES)
+
+
+def photon_case(steps=2, **settings):
+    """A scene for photons, the same for the GPU, and points of the surface with their waves."""
+    from lake_water_addon.render import uniforms
+
+    plan = planned(scenes.pond(**settings), photon_size=128, caustics_steps=steps, light_depth_size=64)
+    body = plan.bodies[0]
+    camera = body.light.camera
+    water, light = uniforms.water(plan, body), uniforms.water_light(plan, body)
+    size = 64
+    y, x = np.meshgrid(np.linspace(-1, 1, size), np.linspace(-1, 1, size), indexing="ij")
+    level = -camera.view[2, :3] @ body.origin
+    depth = level + 3.0 + 0.6 * np.sin(4 * x) * np.cos(3 * y) + np.where(x > 0.6, -5.0, 0.0)
+    depth[10:20, 10:20] = 1e5
+    exact = single(light[0].T), single(light[1].T)
+    scene = caustics.PhotonScene(
+        single(plan.snapshot.sun.direction),
+        replace(camera, view=exact[0], projection=exact[1], direction=single(camera.direction)),
+        single(depth),
+        single(body.origin),
+        single(body.packed_waves),
+        *single([body.body.settings.k, body.body.settings.q, 1.0 / body.body.settings.ior]).tolist(),
+        128,
+        steps,
+    )
+    rng = RNG(40)
+    launch = single((rng.integers(0, 128, (3000, 2)) + 0.5) / 128)
+    # On the water plane below its place in the window, and as much displaced as the waves do it.
+    device = np.concatenate([2 * launch - 1, np.zeros((3000, 1)), np.ones((3000, 1))], axis=1)
+    start = (device @ np.linalg.inv(camera.projection @ camera.view).T)[:, :3]
+    start += ((body.origin[2] - start[:, 2]) / camera.direction[2])[:, None] * camera.direction
+    wave = waves.height(body.packed_waves, start[:, :2] - body.origin[:2]) + rng.normal(0, 0.02, 3000)
+    point = single(start + wave[:, None] * caustics.sun_run(plan.snapshot.sun.direction))
+    options = {
+        "sources": ["photon_lib.glsl"],
+        "uniform_buffers": {
+            "lights": ("Lights", lights_block(plan.snapshot)),
+            "water": ("Water", block_of(water)),
+            "water_light": ("WaterLight", block_of(light)),
+        },
+        "samplers": {"light_depth": ("FLOAT_2D", data_texture(depth))},
+    }
+    return scene, point, single(wave), launch, options
+
+
+def on_true_waves(scene, point, wave):
+    """`on_waves` of the twin, in numbers that the GPU has, too."""
+    found = caustics.on_waves(
+        point,
+        wave,
+        np.zeros((len(point), 2)),
+        scene.origin,
+        scene.packed_waves,
+        caustics.sun_run(scene.sun_direction),
+    )
+    return caustics.WaterPoint(*(single(part) for part in found))
+
+
+def test_twin_sine_cosine():
+    """4e-7, and what the angle's own rounding costs."""
+    angle = RNG(41).uniform(-1, 1, 4000) * np.geomspace(0.1, 1e4, 4000)
+    angle = single(np.append(angle, [0.0, np.pi]))
+    *_, options = photon_case()
+    got = evaluate(results={"s": ("vec2", "sine_cosine(a)")}, a=angle, **options)["s"]
+    compare(got, np.stack([np.sin(angle), np.cos(angle)], 1), (4e-7 + 2 * EPS * np.abs(angle))[:, None])
+
+
+@every_photon
+def test_twin_waves_at(case):
+    scene, point, _, _, options = photon_case(**case)
+    xy = single(point[:, :2] - scene.origin[:2])
+    results = {
+        "height": ("float", "waves_at(p).height"),
+        "slope": ("vec2", "waves_at(p).slope"),
+        "curvature": ("vec3", "waves_at(p).curvature"),
+    }
+    got = evaluate(results=results, p=xy, **options)
+    want = caustics.waves_at(scene.packed_waves, xy)
+    k = np.linalg.norm(scene.packed_waves[:, :2], axis=1)
+    for power, name in enumerate(results):
+        bound = wave_bound(scene.packed_waves, xy, k**power)
+        compare(got[name], getattr(want, name), bound if power == 0 else bound[:, None])
+
+
+def test_twin_bend():
+    curvature, step = single(RNG(42).normal(size=(500, 3))), single(RNG(43).normal(size=(500, 2)))
+    *_, options = photon_case()
+    got = evaluate(results={"b": ("vec2", "bend(c, s)")}, c=curvature, s=step, **options)["b"]
+    compare(got, caustics.bend(curvature, step), 8 * EPS)
+
+
+def test_twin_sun_run():
+    scene, *_, options = photon_case()
+    got = evaluate(results={"r": ("vec3", "sun_run()")}, i=np.zeros(1), **options)["r"]
+    compare(got[0], caustics.sun_run(scene.sun_direction), 0.0, 2 * EPS)
+
+
+@every_photon
+def test_twin_on_waves(case):
+    """Points at 30 m are known to 8e-6 m, and the waves and their derivatives as well as such a point is."""
+    scene, point, wave, _, options = photon_case(**case)
+    results = {
+        "position": ("vec3", "on_waves(p, wave, mesh).position"),
+        "slope": ("vec2", "on_waves(p, wave, mesh).slope"),
+        "curvature": ("vec3", "on_waves(p, wave, mesh).curvature"),
+    }
+    mesh = single(RNG(44).normal(0, 0.05, (len(point), 2)))
+    got = evaluate(results=results, p=point, wave=wave, mesh=mesh, **options)
+    run = caustics.sun_run(scene.sun_direction)
+    want = caustics.on_waves(point, wave, mesh, scene.origin, scene.packed_waves, run)
+    if case == PHOTON_CASES["steep"]:
+        # Slopes of 6: a rounding of the height decides where the ray meets the surface. Near it, it must be.
+        apart = np.linalg.norm(got["position"] - want.position, axis=1)
+        assert np.median(apart) < 1e-4 and np.quantile(apart, 0.95) < 5e-3
+        return
+    compare(got["position"], want.position, 4e-5)
+    compare(got["slope"], want.slope, 2e-4)
+    compare(got["curvature"], want.curvature, 2e-3)
+
+
+def test_twin_bottom_depth_of_the_light():
+    """Bilinear, nearest at edges and at holes, the border beyond; 1 mm of some 10 m."""
+    uv = single(np.concatenate([RNG(45).uniform(-0.2, 1.2, (4000, 2)), [[0, 0], [1, 1], [1e12, -1e12]]]))
+    scene, *_, options = photon_case()
+    got = evaluate(results={"z": ("float", "bottom_depth(uv)")}, uv=uv, **options)["z"]
+    want = caustics.bottom_depth(scene.depth, uv, float(scene.camera.texel.max()))
+    assert np.mean(np.abs(got - want) > 1e-3) < 2e-3
+    assert np.any(want > 1e4) and np.ptp(want[want < 1e4]) > 4.0
+
+
+def test_twin_launch_step():
+    scene, *_, options = photon_case()
+    got = evaluate(
+        results={"x": ("vec3", "launch_step(0)"), "y": ("vec3", "launch_step(1)")}, i=np.zeros(1), **options
+    )
+    for axis, name in enumerate("xy"):
+        compare(got[name][0], caustics.launch_step(scene.camera, axis, 128), 8 * EPS)
+
+
+@every_photon
+def test_twin_ray_spread(case):
+    """1e-5 of the step and of what the waves' curvature makes of it on the way."""
+    scene, point, wave, _, options = photon_case(**case)
+    at = on_true_waves(scene, point, wave)
+    count = len(point)
+    step, mesh = single(RNG(46).normal(0, 0.2, (count, 3))), single(RNG(47).normal(0, 0.05, (count, 2)))
+    way = single(RNG(48).uniform(0, 10, count))
+    got = evaluate(
+        results={"d": ("vec3", "ray_spread(WaterPoint(p, s, c), mesh, way, between)")},
+        p=at.position, s=at.slope, c=at.curvature, mesh=mesh, way=way, between=step, **options,
+    )["d"]  # fmt: skip
+    want = np.empty((count, 3))
+    for i in range(count):
+        one = caustics.WaterPoint(*(part[i : i + 1] for part in at))
+        want[i] = caustics.ray_spread(one, mesh[i : i + 1], way[i : i + 1], step[i], scene)
+    bent = np.linalg.norm(at.curvature, axis=1) * np.linalg.norm(step, axis=1) / caustics.MIN_FACING
+    compare(got, want, 1e-5 * (1.0 + (1.0 + way) * (1.0 + bent))[:, None])
+
+
+@every_photon
+@pytest.mark.parametrize("steps", [1, 3])
+def test_twin_photon(case, steps):
+    """2e-5 of the window, 1e-4 of the light, in 99 of 100 cases; in others rounding chose another texel."""
+    scene, point, wave, launch, options = photon_case(steps, **case)
+    at = on_true_waves(scene, point, wave)
+    mesh = single(RNG(49).normal(0, 0.01, (len(point), 2, 2)))
+    call = "photon(WaterPoint(p, s, c), mat2(mx, my), launch)"
+    results = {
+        "landing": ("vec2", f"{call}.landing"),
+        "spread": ("vec2", f"{call}.spread"),
+        "light": ("float", f"{call}.light"),
+        "wet": ("bool", f"{call}.wet"),
+        "landed": ("bool", f"{call}.landed"),
+    }
+    got = evaluate(
+        results=results,
+        p=at.position, s=at.slope, c=at.curvature, mx=mesh[:, 0], my=mesh[:, 1], launch=launch, **options,
+    )  # fmt: skip
+    want = caustics.photon(at, mesh, launch, scene)
+    assert all(np.isfinite(values).all() for values in got.values())
+    assert 0.2 < want.landed.mean() <= want.wet.mean() < 1.0
+    near = want.wet & (np.abs(want.landing - 0.5).max(axis=1) < 2.0)
+    for name, bound in (("landing", 2e-5), ("spread", 2e-5), ("light", 1e-4)):
+        apart = np.abs(got[name] - getattr(want, name)).reshape(len(launch), -1).max(axis=1)
+        assert np.mean(apart[near] > bound) < 0.01, f"{name}: {np.sort(apart[near])[-60:]}"
+    for name in ("wet", "landed"):
+        assert np.mean(got[name].astype(bool) != getattr(want, name)) < 0.01
+
+
+# caustics_lib.glsl
+
+RESOLUTIONS = ((96, 64), (64, 512), (256, 256), (1000, 100), (16, 1000))
+"""Photons and texels a side."""
+
+
+def photon_maps(photons):
+    """(p, p, 4) and (p, p, 2) maps: photons that landed, that did not, and texels without water."""
+    rng = RNG(50)
+    found = rng.uniform(0, 1, (photons, photons, 4))
+    found[..., 3] = rng.random((photons, photons)) < 0.8
+    spread = rng.uniform(0, 4.0 / photons, (photons, photons, 2))
+    spread[rng.random((photons, photons)) < 0.2] = 0.0
+    return single(found), single(spread)
+
+
+@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
+def test_twin_tent_spread(photons, texels):
+    spacing = float(np.float32(texels / photons))
+    spread = single(RNG(51).uniform(0, 1, (2000, 2)) * np.geomspace(1e-6, 1, 2000)[:, None])
+    spread[0] = 1.0 / photons
+    got = evaluate(
+        ["caustics_lib.glsl"],
+        {"h": ("vec2", "tent_spread(s, size, spacing)")},
+        s=spread,
+        size=np.full(2000, texels, float),
+        spacing=np.full(2000, spacing),
+    )["h"]
+    compare(got, caustics.tent_spread(spread, texels, spacing), 0.0, 2 * EPS)
+
+
+def test_twin_tent_before():
+    z = single(np.linspace(-2, 2, 4001))
+    got = evaluate(["caustics_lib.glsl"], {"t": ("float", "tent_before(z)")}, z=z)["t"]
+    compare(got, caustics.tent_before(z), 2 * EPS)
+    assert got.min() == 0.0 and got.max() == 1.0
+
+
+def test_twin_tent_part():
+    """Of a texel at 1000, whose middle is known to 6e-5 of a texel."""
+    rng = RNG(52)
+    texel = np.floor(rng.uniform(0, 1000, 4000))
+    center, half = single(texel + rng.uniform(-4, 4, 4000)), single(rng.uniform(0.25, 8, 4000))
+    results = {"t": ("float", "tent_part(t, c, h)")}
+    got = evaluate(["caustics_lib.glsl"], results, t=texel, c=center, h=half)["t"]
+    compare(got, caustics.tent_part(texel, center, half), 4 * EPS)
+
+
+@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS[:3])
+def test_twin_deposit(photons, texels):
+    found, spread = photon_maps(photons)
+    found, spread = found.reshape(-1, 4), spread.reshape(-1, 2)
+    index = np.stack([np.arange(photons**2) % photons, np.arange(photons**2) // photons], 1)
+    spacing = float(np.float32(texels / photons))
+    call = "deposit(f, s, i, size, spacing)"
+    results = {name: ("vec2", f"{call}.{name}") for name in ("center", "half_width")}
+    results |= {name: ("float", f"{call}.{name}") for name in ("light", "missing")}
+    sizes = {"size": np.full(photons**2, texels, float), "spacing": np.full(photons**2, spacing)}
+    got = evaluate(["caustics_lib.glsl"], results, f=found, s=spread, i=index, **sizes)
+    want = caustics.deposit(found, spread, index, texels, spacing)
+    assert np.any(want.missing) and np.any(want.light) and np.any((want.light == 0) & (want.missing == 0))
+    for name in results:
+        compare(got[name], getattr(want, name), 1e-30, 4 * EPS)
+
+
+@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
+def test_twin_border_coverage(photons, texels):
+    texel, every = np.arange(texels, dtype=float), np.ones(texels)
+    spacing = float(np.float32(texels / photons))
+    got = evaluate(
+        ["caustics_lib.glsl"],
+        {"b": ("float", "border_coverage(t, size, spacing)")},
+        t=texel,
+        size=texels * every,
+        spacing=spacing * every,
+    )["b"]
+    compare(got, caustics.border_coverage(texel, texels, spacing), 4 * EPS * max(spacing, 1.0))
+
+
+def test_twin_resolved():
+    sums = single(RNG(53).uniform(0, 1.2, (100, 100, 2)) ** 2)
+    y, x = (a.ravel() for a in np.mgrid[:100, :100])
+    got = evaluate(
+        ["caustics_lib.glsl"],
+        {"v": ("float", "resolved(s.x, s.y, t, 100.0, 2.0)")},
+        s=sums.reshape(-1, 2),
+        t=np.stack([x, y], 1),
+    )["v"]
+    compare(got, caustics.resolved(sums, 50).ravel(), 4 * EPS, 32 * EPS)

@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photons of sunlight through waves, and their sum: twin of `photon_lib.glsl` and `caustics_lib.glsl`.
+
+A photon is launched where a ray of the sun meets the water plane, one a texel of the light camera's
+window (`light`), so that all carry the same flux. At the waves it is refracted, and the intersection
+algorithm (`intersection`) finds where it lands. Its light is spread around that place as wide as
+neighbouring photons lie apart: for each axis of the window, by a tent whose half width is
+
+    spread = sqrt((du/dx)^2 + (du/dy)^2),
+
+u the place of landing along that axis, x and y those of launching. Under a calm surface it is the
+distance of the photons, whose tents then add up to 1 everywhere: the sum is (1 - F) exp(-k d), whatever
+the resolutions. The derivatives are those of the refracted ray at the length that it has: they follow
+from slope and curvature of the waves, so that no edge of the bottom disturbs them.
+
+What is summed is divided by the sum that a calm surface would give with just those photons that were
+launched from water: 1 but for the texels at a shore, and at the window's border (`resolved`).
+
+Points and directions are in render space (see `plan`); `uv` are coordinates in the window, 0..1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from . import cameras, optics
+from .intersection import intersect
+from .light import LightCamera
+
+MIN_SUN = 1e-3
+"""Least z of the direction to the sun that a height is divided by; `plan` lights no water from lower."""
+
+MAX_TURN = 0.25
+"""Most by which the search for the surface changes the slope of the waves."""
+
+MAX_RAISE = 2.0
+"""Most that the search's last step may be, as a multiple of the height that is missing."""
+
+MIN_FACING = 0.1
+"""Least part of a sunbeam's width that a surface's own is compared with, where it turns from the sun."""
+
+DEPTH_JUMP = 8.0
+"""Between neighbouring texels, in their own size: what is deeper is an edge and not interpolated across."""
+
+NOTHING = 5e4
+"""m: from this distance on there is no bottom."""
+
+MIN_DESCENT = 0.05
+"""Least cosine between a refracted ray and the light below a calm surface: others never come down."""
+
+MIN_SPREAD = 0.25
+"""Texels: least half width over which a photon's light is spread."""
+
+MAX_SPREAD = 8.0
+"""Texels: greatest half width, or twice the distance of the photons where that is more."""
+
+MIN_COVERAGE = 0.25
+"""Texels that get less of a calm surface's light than this are not scaled up any further."""
+
+FINEST_COUNT = 2.0**24
+"""Units of the counters in a value of 1, unless a single photon would fill the counter."""
+
+CHUNK = 1 << 16
+"""Photons that the processor sums at a time: few enough for its caches."""
+
+
+class WavesAt(NamedTuple):
+    """height (n,), slope (n, 2) = (h_x, h_y), curvature (n, 3) = (h_xx, h_xy, h_yy) of the waves."""
+
+    height: np.ndarray
+    slope: np.ndarray
+    curvature: np.ndarray
+
+
+class WaterPoint(NamedTuple):
+    """A point (n, 3) of the surface, its slope (n, 2) and the curvature (n, 3) of the waves there."""
+
+    position: np.ndarray
+    slope: np.ndarray
+    curvature: np.ndarray
+
+
+class Photon(NamedTuple):
+    """landing (n, 2), spread (n, 2): uv; light (n,): what arrives of the flux.
+
+    wet: (n,) launched from water with a bottom below; landed: (n,) within the window, too.
+    """
+
+    landing: np.ndarray
+    spread: np.ndarray
+    light: np.ndarray
+    wet: np.ndarray
+    landed: np.ndarray
+
+
+class Deposit(NamedTuple):
+    """What texels of the photon map add to the caustics. center, half_width: (n, 2) texels.
+
+    light: (n,) of photons that landed; missing: (n,) of those that were not launched from water, where a calm
+    surface would have sent them.
+    """
+
+    center: np.ndarray
+    half_width: np.ndarray
+    light: np.ndarray
+    missing: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonScene:
+    """What a photon meets. depth: (r, r) the bottom's distance along the light, first row at the bottom.
+
+    photons: their number along a side; steps: of the intersection algorithm, beyond looking straight down.
+    """
+
+    sun_direction: np.ndarray
+    camera: LightCamera
+    depth: np.ndarray
+    origin: np.ndarray
+    packed_waves: np.ndarray
+    k: float
+    q: float
+    n12: float
+    photons: int
+    steps: int
+
+
+def waves_at(packed: np.ndarray, xy: np.ndarray) -> WavesAt:
+    """The waves and their derivatives at points (n, 2), from `waves.pack`'s rows."""
+    angle = xy @ packed[:, :2].T + packed[:, 3]
+    sine, cosine = np.sin(angle) * packed[:, 2], np.cos(angle) * packed[:, 2]
+    kx, ky = packed[:, 0], packed[:, 1]
+    curvature = -(sine @ np.stack([kx * kx, kx * ky, ky * ky], axis=1))
+    return WavesAt(sine.sum(axis=1), cosine @ packed[:, :2], curvature)
+
+
+def bend(curvature: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """(n, 2) change of the slope over a step (n, 2): the symmetric matrix of `curvature` times it."""
+    xx, xy, yy = curvature.T
+    return np.stack([xx * step[:, 0] + xy * step[:, 1], xy * step[:, 0] + yy * step[:, 1]], axis=1)
+
+
+def sun_run(sun_direction: np.ndarray) -> np.ndarray:
+    """(3,) way along a ray of the sun for each metre of height."""
+    return np.append(sun_direction[:2] / max(sun_direction[2], MIN_SUN), 1.0)
+
+
+def on_waves(
+    point: np.ndarray,
+    wave: np.ndarray,
+    mesh_slope: np.ndarray,
+    origin: np.ndarray,
+    packed: np.ndarray,
+    run: np.ndarray,
+) -> WaterPoint:
+    """The surface on the sun's ray through `point` (n, 3), a point between the vertices of its mesh.
+
+    wave: (n,) height of the waves there, mesh_slope: (n, 2) slope without them, both as interpolated. The
+    grid may be coarser than the waves; on the true surface no edge of a triangle shows in the caustics.
+    A fixed-point step and one of Newton's; origin: (3,) of the waves; run: `sun_run`.
+    """
+    length = np.linalg.norm(run[:2])
+    raised = (waves_at(packed, point[:, :2] - origin[:2]).height - wave) / max(1.0, length)
+    point, wave = point + raised[:, None] * run, wave + raised
+    at = waves_at(packed, point[:, :2] - origin[:2])
+    facing = 1.0 - (mesh_slope + at.slope) @ run[:2]
+    raised = (at.height - wave) / np.maximum(facing, 1.0 / MAX_RAISE)
+    turn = bend(at.curvature, raised[:, None] * run[:2])
+    scale = np.minimum(1.0, MAX_TURN / np.maximum(np.linalg.norm(turn, axis=1), 1e-9))[:, None]
+    position = point + scale * raised[:, None] * run
+    return WaterPoint(position, mesh_slope + at.slope + scale * turn, at.curvature)
+
+
+def bottom_depth(depth: np.ndarray, uv: np.ndarray, texel: float) -> np.ndarray:
+    """(n,) distance along the light at uv (n, 2), bilinear: exact for a plane, however it lies to the light.
+
+    depth: (r, r); texel: its size in m. Across an edge, the nearest texel's; beyond the window, its border's.
+    """
+    size = len(depth)
+    at = np.clip(uv, 0.0, 1.0) * size - 0.5
+    low = np.clip(np.floor(at), 0, size - 2).astype(int)
+    part = at - low
+    x, y = low.T
+    z = np.stack([depth[y, x], depth[y, x + 1], depth[y + 1, x], depth[y + 1, x + 1]])
+    edge = z.max(axis=0) - z.min(axis=0) > DEPTH_JUMP * texel
+    part = np.where(edge[:, None], np.floor(np.clip(part, 0.0, 1.0) + 0.5), part)
+    lower, upper = z[0] + part[:, 0] * (z[1] - z[0]), z[2] + part[:, 0] * (z[3] - z[2])
+    return lower + part[:, 1] * (upper - lower)
+
+
+def launch_step(camera: LightCamera, axis: int, photons: int) -> np.ndarray:
+    """(3,) in m: from one launching place on the water plane to the next along the window's x or y."""
+    sideways = camera.view[axis, :3]
+    level = sideways - camera.direction * (sideways[2] / camera.direction[2])
+    return level * (2.0 / (camera.projection[axis, axis] * photons))
+
+
+def ray_spread(
+    point: WaterPoint, mesh_turn: np.ndarray, way: np.ndarray, step: np.ndarray, scene: PhotonScene
+) -> np.ndarray:
+    """(n, 3) in m: how far apart two photons are after `way` (n,) m of water, launched a `step` (3,) apart.
+
+    mesh_turn: (n, 2) change of the mesh's own slope over the step. In world axes, less the step itself.
+    """
+    run, to_sun, n12 = sun_run(scene.sun_direction), scene.sun_direction, scene.n12
+    slope = point.slope
+    steepness = np.sqrt(1.0 + np.sum(slope * slope, axis=1))[:, None]
+    normal = np.concatenate([-slope, np.ones((len(slope), 1))], axis=1) / steepness
+    rise = slope @ step[:2] / np.maximum(1.0 - slope @ run[:2], MIN_FACING)
+    turn = bend(point.curvature, step[:2] + rise[:, None] * run[:2]) + mesh_turn
+    tilt = np.concatenate([-turn, np.zeros((len(slope), 1))], axis=1)
+    tilt = (tilt - normal * np.sum(normal * tilt, axis=1, keepdims=True)) / steepness
+    cosine = -(normal @ to_sun)[:, None]
+    root = np.sqrt(np.maximum(1.0 - n12 * n12 * (1.0 - cosine * cosine), 1e-6))
+    change = -n12 * (tilt @ to_sun)[:, None] * (1.0 + n12 * cosine / root)
+    bent = -(change * normal + (n12 * cosine + root) * tilt)
+    return rise[:, None] * run + way[:, None] * bent
+
+
+def photon(point: WaterPoint, mesh_turn: np.ndarray, launch: np.ndarray, scene: PhotonScene) -> Photon:
+    """Photons that meet the surface at `point`, launched at `launch` (n, 2) in the window.
+
+    mesh_turn: (n, 2, 2), [:, i] the change of the mesh's own slope from one photon to the next along axis i.
+    """
+    camera, run = scene.camera, sun_run(scene.sun_direction)
+    rotation, projection = camera.view[:3, :3], camera.projection
+    normal = np.concatenate([-point.slope, np.ones((len(launch), 1))], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    incident = np.broadcast_to(-scene.sun_direction, normal.shape)
+    refracted, _ = optics.refract_direction(incident, normal, scene.n12)
+    at = point.position @ rotation.T + camera.view[:3, 3]
+    direction = refracted @ rotation.T
+
+    def depth_at(uv):
+        return bottom_depth(scene.depth, uv, float(camera.texel.max()))
+
+    found = intersect(at, direction, depth_at, projection, scene.steps + 1)
+    way = np.sum((found.hit - at) * direction, axis=1)
+    scale = 0.5 * np.diag(projection)[:2]
+    height = point.position[:, 2] - scene.origin[2]
+    moved = height[:, None] * (rotation @ run)[:2] + way[:, None] * direction[:, :2]
+    landing = launch + scale * moved
+
+    squares = np.zeros_like(landing)
+    for axis in (0, 1):
+        step = launch_step(camera, axis, scene.photons)
+        apart = ray_spread(point, mesh_turn[:, axis], way, step, scene) @ rotation.T
+        apart = scale * apart[:, :2]
+        apart[:, axis] += 1.0 / scene.photons
+        squares += apart**2
+
+    facing = normal @ scene.sun_direction
+    fresnel = optics.schlick(facing, optics.reflectance_at_normal(scene.n12), scene.q)
+    light = (1.0 - fresnel) * optics.attenuation(scene.k, np.linalg.norm(found.bottom - at, axis=1))
+    below = depth_at(cameras.to_texture(projection, at))
+    wet = (below >= -at[:, 2]) & (below < NOTHING)
+    landed = wet & (direction[:, 2] < -MIN_DESCENT) & (found.bottom[:, 2] > -NOTHING)
+    landed &= np.all((landing >= 0.0) & (landing < 1.0), axis=1)
+    return Photon(landing, np.sqrt(squares), light, wet, landed)
+
+
+def tent_spread(spread: np.ndarray, size: int, spacing: float) -> np.ndarray:
+    """Half widths in texels of the tents of photons with `spread` (..., 2) in uv.
+
+    spacing: texels from photon to photon under a calm surface, which the limits leave alone.
+    """
+    return np.clip(spread * size, min(MIN_SPREAD, spacing), max(MAX_SPREAD, 2.0 * spacing))
+
+
+def tent_before(z: np.ndarray) -> np.ndarray:
+    """Part of a tent over [-1, 1] that lies before z: 1/2 + z - z |z| / 2."""
+    z = np.clip(z, -1.0, 1.0)
+    return 0.5 + z - 0.5 * z * np.abs(z)
+
+
+def tent_part(texel: np.ndarray, center: np.ndarray, half_width: np.ndarray) -> np.ndarray:
+    """Part of a tent about `center` that lies in texel number `texel`, all in texels."""
+    return tent_before((texel + 1.0 - center) / half_width) - tent_before((texel - center) / half_width)
+
+
+def deposit(found: np.ndarray, spread: np.ndarray, index: np.ndarray, size: int, spacing: float) -> Deposit:
+    """What the texels `index` (n, 2) = (x, y) of a photon map add.
+
+    found: (n, 4) landing x, y in uv, light, 1 where it landed; spread: (n, 2) in uv, 0 without water.
+    """
+    dry = spread[:, :1] <= 0.0
+    flux = spacing * spacing
+    return Deposit(
+        np.where(dry, (index + 0.5) * spacing, found[:, :2] * size).astype(found.dtype),
+        np.where(dry, spacing, tent_spread(spread, size, spacing)).astype(found.dtype),
+        np.where(dry[:, 0] | (found[:, 3] <= 0.5), 0.0, flux * found[:, 2]).astype(found.dtype),
+        np.where(dry[:, 0], flux, 0.0),
+    )
+
+
+def border_coverage(texel: np.ndarray, size: int, spacing: float) -> np.ndarray:
+    """Coverage of texels, in one axis, when all photons are launched from water.
+
+    1 but for what tents from beyond the border would add: as wide as the photons lie apart, one on each side.
+    """
+    from_left, from_right = (tent_part(i, -0.5 * spacing, spacing) for i in (texel, size - 1.0 - texel))
+    return 1.0 - spacing * (from_left + from_right)
+
+
+def missing_light(dry: np.ndarray, size: int) -> np.ndarray:
+    """(size, size) what a calm surface would send from the texels of the photon map without water, (p, p)."""
+    spacing = size / len(dry)
+    centers = (np.arange(len(dry)) + 0.5) * spacing
+    parts = spacing * tent_part(np.arange(size)[:, None], centers, spacing)
+    return parts @ dry @ parts.T
+
+
+def resolved(sums: np.ndarray, photons: int) -> np.ndarray:
+    """(size, size) the caustics from sums (size, size, 2) of light and of what is missing."""
+    size = len(sums)
+    border = border_coverage(np.arange(size), size, size / photons)
+    covered = border[:, None] * border - sums[..., 1]
+    return sums[..., 0] / np.maximum(covered, MIN_COVERAGE)
+
+
+def counter_scale(spacing: float) -> float:
+    """Units of a 32-bit counter in a value of 1: a power of two, so that no single photon overflows it.
+
+    A photon brings at most spacing^2. Their sum may overflow: that is carried over into a second counter.
+    """
+    return float(min(FINEST_COUNT, 2.0 ** np.floor(31.0 - 2.0 * np.log2(spacing))))
+
+
+def sum_photons(photon_map: np.ndarray, spread_map: np.ndarray, size: int) -> np.ndarray:
+    """(size, size, 2) float32 sums of a photon map: light, and what is missing where there is no water.
+
+    photon_map: (p, p, 4) and spread_map: (p, p, 2), float32, as the photon shader writes them (see
+    `deposit`). What of a tent lies outside the window is lost.
+    """
+    photons = len(photon_map)
+    found, spread = photon_map.reshape(-1, 4), spread_map.reshape(-1, 2)
+    sums = np.zeros((size, size, 2), np.float32)
+    total = np.zeros((size, size))
+    dry = np.zeros(photons * photons, np.float32)
+    for start in range(0, photons * photons, CHUNK):
+        chunk = slice(start, start + CHUNK)
+        place = np.arange(start, start + len(found[chunk]))
+        index = np.stack([place % photons, place // photons], axis=1)
+        given = deposit(found[chunk], spread[chunk], index, size, size / photons)
+        dry[chunk] = given.missing > 0.0
+        lit = np.flatnonzero(given.light)
+        if len(lit):
+            _add_tents(total, given.center[lit], given.half_width[lit], given.light[lit])
+    sums[..., 0] = total
+    if dry.any():
+        sums[..., 1] = missing_light(dry.reshape(photons, photons), size)
+    return sums
+
+
+def _add_tents(total: np.ndarray, center: np.ndarray, half_width: np.ndarray, amount: np.ndarray) -> None:
+    """Add tents of `amount` (n,) about `center` (n, 2), with half widths (n, 2), in texels.
+
+    Sorted by the number of texels that they reach along x and y, so that each kind is a few operations on
+    whole arrays. A chunk of neighbouring photons falls into few rows of texels, which stay in a cache.
+    """
+    size = len(total)
+    first = np.floor(center - half_width)
+    reach = (np.floor(center + half_width) - first).astype(np.int64) + 1
+    pad = int(reach.max())
+    kind = reach[:, 0] * (pad + 1) + reach[:, 1]
+    order = np.argsort(kind.astype(np.int16), kind="stable")
+    offset, scale = (first - center)[order].T, 1.0 / half_width[order].T
+    column, row = first[order].T.astype(np.int64)
+    low = int(row.min())
+    width, height = size + 2 * pad, int(row.max()) - low + pad
+    place = (row - low) * width + column + pad
+    amount = amount[order]
+    entries = int(np.sum(reach[:, 0] * reach[:, 1]))
+    places, amounts = np.empty(entries, np.int64), np.empty(entries)
+    photon = entry = 0
+    for of_kind, count in enumerate(np.bincount(kind).tolist()):
+        if count == 0:
+            continue
+        along_x, along_y = divmod(of_kind, pad + 1)
+        these = slice(photon, photon + count)
+        shape = (along_y, along_x, count)
+        here = slice(entry, entry + along_y * along_x * count)
+        photon, entry = these.stop, here.stop
+        x = _tent_parts(offset[0, these], scale[0, these], along_x)
+        y = _tent_parts(offset[1, these], scale[1, these], along_y) * amount[these]
+        np.multiply(y[:, None], x, out=amounts[here].reshape(shape))
+        steps = np.arange(along_y)[:, None] * width + np.arange(along_x)
+        np.add(place[these], steps[..., None], out=places[here].reshape(shape))
+    added = np.bincount(places, amounts, height * width).reshape(height, width)[:, pad : pad + size]
+    total[max(low, 0) : low + height] += added[max(-low, 0) : size - low]
+
+
+def _tent_parts(offset: np.ndarray, scale: np.ndarray, count: int) -> np.ndarray:
+    """(count, n) parts of n tents in `count` texels; the first begins `offset` (n,) from the middle."""
+    edges = np.arange(count + 1, dtype=offset.dtype)[:, None]
+    return np.diff(tent_before((offset + edges) * scale), axis=0)

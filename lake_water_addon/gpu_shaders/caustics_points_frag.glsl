@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+
+#include "caustics_lib.glsl"
+
+void main()
+{
+  vec2 texel = floor(gl_FragCoord.xy);
+  out_sums = v_amounts * tent_part(texel.x, v_center.x, v_half_width.x) *
+             tent_part(texel.y, v_center.y, v_half_width.y);
+}
