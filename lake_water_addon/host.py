@@ -15,11 +15,15 @@ from .core.settings import FrameSettings
 from .core.snapshot import Camera, SceneSnapshot
 from .extract import SceneExtractor, view_visibility
 from .render.frame import FrameRenderer, PassTimer
+from .render.passes.caustics import chosen_method
 
 
 @dataclass
 class FrameReport:
-    """What one frame cost and made. Seconds; `passes` by name; `made` counts GPU objects by kind."""
+    """What one frame cost and made. Seconds; `passes` by name; `made` counts GPU objects by kind.
+
+    sunlight: as `describe_sunlight` gives it.
+    """
 
     resolution: tuple[int, int] = (0, 0)
     extraction_s: float = 0.0
@@ -29,6 +33,7 @@ class FrameReport:
     made: dict[str, int] = field(default_factory=dict)
     water_bodies: int = 0
     water_drawn: tuple[str, ...] = ()
+    sunlight: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     error: str | None = None
 
@@ -44,6 +49,7 @@ class FrameReport:
             "created": dict(self.made),
             "water_bodies": self.water_bodies,
             "water": list(self.water_drawn),
+            "sunlight": dict(self.sunlight),
             "notes": list(self.notes),
         }
 
@@ -52,6 +58,23 @@ def frame_settings(scene: bpy.types.Scene) -> FrameSettings:
     """The scene's settings of the picture as plain data."""
     settings = scene.lake_water
     return FrameSettings(**{f.name: getattr(settings, f.name) for f in fields(FrameSettings)})
+
+
+def describe_sunlight(plan: FramePlan) -> dict[str, str]:
+    """What the sun does in a picture, and why not what it doesn't, by effect, in words for a person."""
+    settings, sun = plan.settings, plan.snapshot.sun
+    missing = "there is no sun" if sun is None else None
+    caustics = missing or "no sunlit water is in the picture"
+    if any(body.light is not None for body in plan.bodies):
+        caustics = chosen_method(settings.caustics_method).reason
+    shadows = missing or "nothing is in the picture"
+    if plan.shadows:
+        shadows = f"{len(plan.shadows)} windows" if len(plan.shadows) > 1 else "1 window"
+    return {
+        "caustics": caustics if settings.use_caustics else "switched off",
+        "shadows": shadows if settings.use_shadows else "switched off",
+        "glow": f"{'drawn' if plan.glow.drawn else 'not drawn'}, {plan.glow.reason}",
+    }
 
 
 class Host:
@@ -93,6 +116,7 @@ class Host:
             f"{body.body.name}: {'drawn' if body.drawn else 'not drawn'}, {body.reason}"
             for body in plan.bodies
         )
+        self.report.sunlight = describe_sunlight(plan)
         return plan
 
     def finish(self, timer: PassTimer, seconds: float) -> None:
@@ -116,4 +140,5 @@ class Host:
         lines.append(f"extraction: {1000 * report.extraction_s:.1f} ms")
         lines.append(f"planning: {1000 * report.planning_s:.1f} ms")
         lines += report.water_drawn
+        lines += [f"{effect}: {text}" for effect, text in report.sunlight.items()]
         return lines

@@ -2,13 +2,16 @@
 """The tab "Lake Water" in the 3D viewport's sidebar, and the render settings of the engine LAKE_WATER."""
 
 import math
+import textwrap
 
 import bpy
 
 from . import handlers
+from .core.settings import CAUSTICS_METHODS
 from .operators import ENGINE_ID, shown_water
 from .properties import LakeWaterSceneSettings
 from .registration import register_classes, unregister_classes
+from .render.passes.caustics import chosen_method
 from .water_objects import is_water
 
 # Blender's own panels ask which engines they serve. These serve EEVEE only and suit this engine too.
@@ -34,6 +37,8 @@ UNSUITABLE = (
     "DATA_PT_spot",
 )
 UNSUITABLE_PANELS = frozenset({"DATA_PT_preview", "EEVEE_MATERIAL_PT_viewport_settings", "OBJECT_PT_shading"})
+
+LINE = 32  # characters that fit into the sidebar at its first width
 
 
 class _Sidebar:
@@ -235,9 +240,25 @@ class _Caustics(_Effect):
 
     def draw_values(self, column: bpy.types.UILayout, settings: LakeWaterSceneSettings) -> None:
         column.prop(settings, "caustics_method", text="Method")
+        if not bpy.app.background:  # else Blender may have no GPU to ask
+            self.draw_method(column, settings.caustics_method)
         column.prop(settings, "caustics_size", text="Texture Size")
         column.prop(settings, "photon_size", text="Photons")
         column.prop(settings, "caustics_steps", text="Steps")
+
+    def draw_method(self, column: bpy.types.UILayout, wanted: str) -> None:
+        """Say what the setting comes to on this machine, where it does not say that itself."""
+        chosen = chosen_method(wanted)
+        if wanted == "AUTO":
+            split = column.split(factor=0.4)  # as the values of the column are
+            name = split.row()
+            name.alignment = "RIGHT"
+            name.label(text="In Use")
+            split.label(text=CAUSTICS_METHODS[chosen.name])
+        elif chosen.name != wanted:
+            lines = column.column(align=True)
+            for line in textwrap.wrap(chosen.reason, LINE):
+                lines.label(text=line)
 
 
 class _Shadows(_Effect):

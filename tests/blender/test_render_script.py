@@ -338,7 +338,12 @@ def test_options_of_the_sunlight_reach_the_picture_and_the_statistics(
         *("--glow-strength", 2, "--caustics-steps", 3, "--light-depth-size", 64),
         folder=tmp_path,
     )
-    settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    settings = stats["settings"]
+    assert stats["frames"][0]["sunlight"] == {
+        **dict.fromkeys(("caustics", "shadows"), "switched off"),
+        "glow": "not drawn, switched off",
+    }
     switches = ("use_caustics", "use_shadows", "use_glow", "use_exact_under_water")
     assert [settings[name] for name in switches] == [False, False, False, True]
     for note in (
@@ -364,6 +369,9 @@ def test_options_of_the_sunlight_reach_the_picture_and_the_statistics(
     }
     assert {name: stats["settings"][name] for name in expected} == expected
     assert "shadow depth" in stats["median"]["passes"]
+    sunlight = stats["frames"][0]["sunlight"]
+    assert sunlight["caustics"] == "CPU, as set"
+    assert re.fullmatch(r"[1-3] windows?", sunlight["shadows"])
 
 
 def test_every_setting_of_the_picture_has_an_option(scripts: None) -> None:
@@ -400,9 +408,12 @@ def test_without_a_sun_its_options_say_that_they_do_nothing(
     bpy_module.ops.wm.open_mainfile(filepath=str(scenes["pool"]))
     bpy_module.data.objects.remove(bpy_module.data.objects["Sun"])
     bpy_module.ops.wm.save_as_mainfile(filepath=str(tmp_path / "night.blend"), copy=True)
-    said = render("night.blend", "--output", "night.png", "--samples", 1, "--glow", folder=tmp_path)
+    still = ("night.blend", "--output", "night.png", "--samples", 1)
+    said = render(*still, "--glow", "--stats", "stats.json", folder=tmp_path)
     assert "note: --glow has no effect: the scene has no sun light" in said
-    said = render("night.blend", "--output", "night.png", "--samples", 1, "--no-glow", folder=tmp_path)
+    sunlight = json.loads((tmp_path / "stats.json").read_text())["frames"][0]["sunlight"]
+    assert all("there is no sun" in text for text in sunlight.values())
+    said = render(*still, "--no-glow", folder=tmp_path)
     assert "note" not in said
 
 
