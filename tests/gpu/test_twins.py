@@ -22,13 +22,19 @@ from lake_water_addon.core import (
     lighting,
     lookup,
     optics,
+    screen_lookup,
     shadows,
     sky,
     technique_lake,
     technique_lake_under,
+    technique_pond,
+    technique_ripple,
+    technique_settings,
+    technique_simple_lake,
     under_water,
     view_transform,
     water_light,
+    wave_maps,
     waves,
 )
 from lake_water_addon.core.plan import plan_frame
@@ -915,6 +921,399 @@ def test_twin_water_radiance(case):
         results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **gpu_arguments
     )["c"]
     compare_radiance(got, technique_lake.water_radiance(surface, normal, to_eye, plan.bodies[0], 3, textures))
+
+
+# technique_simple_lake_lib.glsl, screen_lookup_lib.glsl, technique_pond_lib.glsl, technique_ripple_lib.glsl,
+# wave_maps_lib.glsl
+
+OWN_TIME = 5000.3
+"""s: maps have moved over many tiles."""
+
+
+def repeating(values):
+    """The twin of a filtered lookup in a picture that repeats."""
+    wrapped = linear_filter(np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="wrap"))
+    size = np.array(values.shape[1::-1])
+
+    def lookup_in(uv):
+        return wrapped((uv % 1.0 * size + 1.0) / (size + 2.0))
+
+    return lookup_in
+
+
+def own_maps():
+    """Smooth pictures of the kinds that techniques take, by the name of their sampler: (texels, repeats)."""
+    waves_of_map = wave_maps.Spectrum(1.0, 3.0)
+    y, x = np.meshgrid(np.arange(64) / 64.0, np.arange(64) / 64.0, indexing="ij")
+    cover = np.stack(
+        [0.3 + 0.2 * np.sin(2 * np.pi * x), 0.4 + 0 * x, 0.1 + 0 * x, 0.5 + 0.5 * np.cos(2 * np.pi * y)]
+    )
+    grey = np.stack([0.5 * x + 0.4 * y, x, y, np.ones_like(x)])
+    kinds = {
+        "normal_map_0": ("NORMAL", 1, 0.4),
+        "normal_map_1": ("NORMAL", 2, 0.6),
+        "dudv_map": ("DUDV", 3, 0.25),
+    }
+    maps = {
+        name: (
+            np.dstack([wave_maps.make_map(kind, seed, 64, strength, waves_of_map), np.ones((64, 64))]),
+            True,
+        )
+        for name, (kind, seed, strength) in kinds.items()
+    }
+    maps |= {"impurity_map": (np.moveaxis(cover, 0, 2), True), "bias_map": (np.moveaxis(grey, 0, 2), False)}
+    return {name: (single(texels), repeats) for name, (texels, repeats) in maps.items()}
+
+
+def own_case(settings, file, *, camera=None, time=OWN_TIME, sun=True, grid=True, **water_settings):
+    """`lake_case` for a technique with settings of its own, over a turned body, seen by the main camera.
+
+    Returns the body, textures, lookups of the maps, GPU arguments, surface points, normals, directions to the
+    eye, and the snapshot.
+    """
+    plan, textures, arguments, surface, normal, to_eye = lake_case(camera, **water_settings)
+    c, s = np.cos(0.7), np.sin(0.7)
+    matrix = plan.bodies[0].body.matrix.copy()
+    matrix[:2, :2] = [[c, -s], [s, c]]
+    body = replace(plan.bodies[0].body, matrix=matrix, grid=(129, 30.0, 20.0, 1.0, -2.0) if grid else None)
+    planned_body = replace(
+        plan.bodies[0], body=body, refraction=replace(plan.bodies[0].refraction, view=plan.camera.view)
+    )
+    snapshot = plan.snapshot if sun else replace(plan.snapshot, sun=None)
+    plan = replace(plan, bodies=(planned_body,), snapshot=snapshot)
+    values = np.zeros((technique_settings.MAX_VALUES, 4))
+    packed = technique_settings.pack(settings, time)
+    values[: len(packed)] = packed
+    lookups, samplers = {}, {}
+    for name, (texels, repeats) in own_maps().items():
+        if name in settings.maps:
+            lookups[name] = repeating(texels) if repeats else linear_filter(texels)
+            samplers[name] = ("FLOAT_2D", data_texture(texels, smooth=True))
+            if repeats:
+                samplers[name][1].extend_mode("REPEAT")
+    assert set(samplers) == set(settings.maps)
+    arguments = {
+        "sources": (*WATER_SOURCES[:-1], file),
+        "uniform_buffers": {
+            "lights": ("Lights", block_of(uniforms_of("lights", plan))),
+            "water": ("Water", block_of(uniforms_of("water", plan, planned_body))),
+            "technique": ("Technique", block_of([values])),
+        },
+        "samplers": {**arguments["samplers"], **samplers},
+    }
+    return planned_body, textures, lookups, arguments, surface, normal, to_eye, snapshot
+
+
+def uniforms_of(name, *arguments):
+    from lake_water_addon.render import uniforms
+
+    return getattr(uniforms, name)(*arguments)
+
+
+SIMPLE_LAKE = technique_simple_lake.SimpleLakeSettings()
+# Numbers that are all different, so that none can stand in another's place.
+POND = technique_pond.PondSettings(
+    tile_size_0=3.1,
+    velocity_0=(0.21, -0.13),
+    tile_size_1=1.9,
+    velocity_1=(-0.07, 0.33),
+    ripple_scale=(0.11, 0.07),
+    bias=0.04,
+    bias_map_strength=0.13,
+    bias_depth_strength=0.22,
+    bias_depth_range=(0.5, 6.0),
+    bias_distance_strength=-0.17,
+    bias_distance_range=(9.0, 13.0),
+    power=1.7,
+    ambient=(0.45, 0.5, 0.55),
+    diffuse=(0.6, 0.65, 0.7),
+    specular=(0.9, 0.8, 0.75),
+    shininess=23.0,
+    impurity=0.3,
+    impurity_map_strength=0.8,
+    impurity_tile_size=5.3,
+    geometric_waves=True,
+)
+RIPPLE = technique_ripple.RippleSettings(
+    tile_size=3.3,
+    flow_direction=0.9,
+    flow_speed=0.41,
+    reflection_distortion=0.08,
+    refraction_distortion=0.05,
+    normal_strength=0.6,
+    distance_strength=0.31,
+    distance_range=(7.0, 15.0),
+    angle_strength=0.43,
+    angle_range=(0.5, 1.4),
+    depth_strength=0.27,
+    depth_range=(0.3, 5.0),
+    depth_darkening=0.37,
+    depth_darkening_range=(0.2, 4.4),
+    path_darkening=0.29,
+    path_darkening_range=(1.0, 9.0),
+)
+
+
+def pond_case(settings=POND, **case):
+    return own_case(settings, "technique_pond_lib.glsl", **case)
+
+
+def ripple_case(settings=RIPPLE, **case):
+    return own_case(settings, "technique_ripple_lib.glsl", **case)
+
+
+def evaluate_own(case, expression, **inputs):
+    return evaluate(results={"x": expression}, **case[3], **inputs)["x"]
+
+
+def test_twin_decode_normal():
+    """Grey and black texels, too, whose directions are short or point inwards."""
+    texels = single(RNG(50).random((2000, 4)))
+    texels[:3] = (0, 0, 0, 0), (0.5, 0.5, 0.5, 1), (1, 1, 1, 1)
+    got = evaluate(["wave_maps_lib.glsl"], {"n": ("vec3", "decode_normal(t)")}, t=texels)["n"]
+    compare(got, wave_maps.decode_normal(texels), 8 * EPS)
+
+
+def test_twin_decode_dudv():
+    texels = single(RNG(51).random((500, 4)))
+    got = evaluate(["wave_maps_lib.glsl"], {"d": ("vec2", "decode_dudv(t)")}, t=texels)["d"]
+    compare(got, wave_maps.decode_dudv(texels), 2 * EPS)
+
+
+def test_twin_ramp():
+    """Rising, falling, and of no width at all."""
+    x, begin, end = (
+        a.ravel()
+        for a in np.meshgrid(single(np.linspace(-3, 9, 61)), single([-2, 0, 0.3, 5]), single([-1, 0, 0.3, 7]))
+    )
+    case = ripple_case()
+    got = evaluate_own(case, ("float", "ramp(x, vec2(a, b))"), x=x, a=begin, b=end)
+    want = [float(screen_lookup.ramp(*values)) for values in zip(x, begin, end, strict=True)]
+    compare(got, np.array(want), 8 * EPS)
+
+
+def test_twin_in_water_frame():
+    case = ripple_case()
+    got = evaluate_own(case, ("vec2", "in_water_frame(u)"), u=case[4])
+    compare(got, screen_lookup.in_water_frame(case[4], case[0]), 32 * EPS)
+
+
+def test_twin_from_water_frame():
+    case = ripple_case()
+    vectors = single(RNG(52).normal(size=(500, 2)))
+    got = evaluate_own(case, ("vec2", "from_water_frame(v)"), v=vectors)
+    compare(got, screen_lookup.from_water_frame(vectors, case[0]), 16 * EPS)
+
+
+@every_lake
+def test_twin_screen_coordinate(case):
+    own = ripple_case(**case)
+    got = evaluate_own(own, ("vec2", "screen_coordinate(u)"), u=own[4])
+    compare(got, screen_lookup.screen_coordinate(own[4], own[0]), 64 * EPS)
+
+
+@every_lake
+def test_twin_viewing_distance(case):
+    own = ripple_case(**case)
+    got = evaluate_own(own, ("float", "viewing_distance(u)"), u=own[4])
+    compare(got, screen_lookup.viewing_distance(own[4], own[0]), 1e-5)
+
+
+@every_lake
+def test_twin_water_below(case):
+    """1e-4 m in 99 of 100 cases; the others take the neighbouring texel. Some things are nearer than U."""
+    own = ripple_case(**case)
+    got = evaluate_own(own, ("vec2", "water_below(u)"), u=own[4])
+    want = np.stack(screen_lookup.water_below(own[4], own[0], own[1].bottom_depth), axis=1)
+    assert np.mean(np.abs(got - want).max(axis=1) > 1e-4) < 0.01
+    assert 0.02 < np.mean(want[:, 1] == 0.0) < 0.98
+
+
+def test_twin_radiance_near():
+    """Known at the place, only at the fragment's own, at neither."""
+    case = ripple_case()
+    at, own = (single(RNG(seed).uniform(-0.1, 1.1, (4000, 2))) for seed in (53, 54))
+    substitute = np.array([0.1, 0.2, 0.3])
+    got = evaluate_own(
+        case, ("vec3", "radiance_near(refraction_color, a, b, vec3(0.1, 0.2, 0.3))"), a=at, b=own
+    )
+    compare_radiance(got, screen_lookup.radiance_near(case[1].refraction_color, at, own, substitute))
+    assert np.any(np.all(np.abs(got - substitute) < 1e-6, axis=1)), "no case is unknown at both"
+
+
+@every_lake
+def test_twin_simple_lake_refracted_radiance(case):
+    own = own_case(SIMPLE_LAKE, "technique_simple_lake_lib.glsl", **case)
+    body, textures, _, _, surface, normal, to_eye, _ = own
+    direction = single(optics.refract_direction(-to_eye, normal, N12)[0])
+    got = evaluate_own(own, ("vec3", "refracted_radiance(u, r)"), u=surface, r=direction)
+    want = technique_simple_lake.refracted_radiance(surface, direction, body, SIMPLE_LAKE, textures)
+    compare_radiance(got, want)
+
+
+@every_lake
+def test_twin_simple_lake_water_radiance(case):
+    own = own_case(SIMPLE_LAKE, "technique_simple_lake_lib.glsl", **case)
+    body, textures, _, _, surface, normal, to_eye, _ = own
+    got = evaluate_own(own, ("vec3", "water_radiance(u, n, e)"), u=surface, n=normal, e=to_eye)
+    want = technique_simple_lake.water_radiance(surface, normal, to_eye, body, SIMPLE_LAKE, textures)
+    compare_radiance(got, want)
+
+
+def test_twin_ripple_displacement():
+    """2e-3: the filter's weights have 8 bits."""
+    case = ripple_case()
+    got = evaluate_own(case, ("vec2", "ripple_displacement(u)"), u=case[4])
+    want = technique_ripple.displacement(case[4], case[0], RIPPLE, OWN_TIME, case[2]["dudv_map"])
+    assert np.abs(want).max() > 0.5
+    compare(got, want, 5e-3)
+
+
+def test_twin_ripple_opacity():
+    """1e-4: what acos of llvmpipe loses."""
+    rng = RNG(55)
+    distance, depth = single(rng.uniform(0, 20, 3000)), single(rng.uniform(0, 7, 3000))
+    cosine = single(rng.uniform(-0.1, 1.0, 3000))
+    cosine[:3] = 0.0, 1.0, 1.0 + EPS
+    got = evaluate_own(
+        ripple_case(),
+        ("float", "ripple_opacity(far, cosine, depth)"),
+        far=distance,
+        cosine=cosine,
+        depth=depth,
+    )
+    want = technique_ripple.opacity(distance, cosine, depth, RIPPLE)
+    compare(got, want, 1e-4)
+    assert np.any(want == 1.0), "no case tried the clamp"
+
+
+def test_twin_ripple_brightness():
+    depth, path = (single(RNG(seed).uniform(0, 12, 2000)) for seed in (56, 57))
+    for settings in (RIPPLE, replace(RIPPLE, path_darkening=0.9)):
+        got = evaluate_own(ripple_case(settings), ("float", "ripple_brightness(d, p)"), d=depth, p=path)
+        compare(got, technique_ripple.brightness(depth, path, settings), 8 * EPS)
+    assert np.any(got == 0.0), "no case tried the clamp"
+
+
+@every_lake
+def test_twin_ripple_water_radiance(case):
+    own = ripple_case(**case)
+    body, textures, maps, _, surface, normal, to_eye, _ = own
+    got = evaluate_own(own, ("vec3", "water_radiance(u, n, e)"), u=surface, n=normal, e=to_eye)
+    want = technique_ripple.water_radiance(
+        surface, to_eye, body, RIPPLE, OWN_TIME, textures, maps["dudv_map"]
+    )
+    compare_radiance(got, want)
+
+
+def pond_maps(case):
+    return technique_pond.PondMaps(**case[2])
+
+
+def test_twin_pond_ripple_normal():
+    """5e-3: the filter's weights have 8 bits."""
+    case = pond_case()
+    p = single(RNG(58).uniform(-60, 60, (3000, 2)))
+    got = evaluate_own(case, ("vec3", "pond_ripple_normal(p)"), p=p)
+    want = technique_pond.ripple_normal(p, POND, OWN_TIME, pond_maps(case))
+    assert np.abs(want[:, :2]).max() > 0.4
+    compare(got, want, 5e-3)
+
+
+def test_twin_pond_on_waves():
+    case = pond_case()
+    normal, ripple = unit_vectors(3000, 59), unit_vectors(3000, 60)
+    normal[:, 2], ripple[:, 2] = np.abs(normal[:, 2]), np.maximum(np.abs(ripple[:, 2]), 1e-3)
+    normal[:100] = 0.0, 0.0, 1.0
+    normal, ripple = single(normal), single(ripple)
+    want = technique_pond.on_waves(normal, ripple, case[0])
+    got = evaluate_own(case, ("vec3", "pond_on_waves(n, r)"), n=normal, r=ripple)
+    turned = screen_lookup.from_water_frame(ripple[:, :2], case[0])
+    level = normal[:, :2] * ripple[:, 2:] + turned * normal[:, 2:]
+    length = np.linalg.norm(np.column_stack([level, normal[:, 2] * ripple[:, 2]]), axis=1)
+    compare(got, want, 16 * EPS / length[:, None])
+
+
+def test_twin_pond_lookup_shift():
+    """All over the picture and beyond its edges."""
+    case = pond_case()
+    ripple, own = unit_vectors(2000, 61), single(RNG(62).uniform(-0.3, 1.3, (2000, 2)))
+    got = evaluate_own(case, ("vec2", "pond_lookup_shift(r, uv)"), r=ripple, uv=own)
+    compare(got, technique_pond.lookup_shift(ripple, own, POND), 16 * EPS * 0.11)
+
+
+@pytest.mark.parametrize("grid", [True, False])
+def test_twin_pond_over_the_water(grid):
+    case = pond_case(grid=grid)
+    p = single(RNG(63).uniform(-40, 40, (500, 2)))
+    got = evaluate_own(case, ("vec2", "pond_over_the_water(p)"), p=p)
+    compare(got, technique_pond.over_the_water(p, case[0]), 8 * EPS)
+
+
+def test_twin_pond_refraction_bias():
+    rng = RNG(64)
+    depth, distance, grey = (single(rng.uniform(0, top, 2000)) for top in (8, 20, 1))
+    got = evaluate_own(
+        pond_case(), ("float", "pond_refraction_bias(depth, far, grey)"), depth=depth, far=distance, grey=grey
+    )
+    compare(got, technique_pond.refraction_bias(depth, distance, grey, POND), 16 * EPS)
+
+
+@pytest.mark.parametrize("power", [0.0, 1.0, 1.7, 40.0])
+def test_twin_pond_refraction_weight(power):
+    settings = replace(POND, power=power)
+    cosine, bias = (
+        a.ravel() for a in np.meshgrid(single([-1, 0, 1e-4, 0.1, 0.5, 0.9, 1]), single([-2, -0.3, 0, 0.2, 2]))
+    )
+    got = evaluate_own(pond_case(settings), ("float", "pond_refraction_weight(c, b)"), c=cosine, b=bias)
+    compare(got, technique_pond.refraction_weight(cosine, bias, power), 2e-6)
+
+
+@pytest.mark.parametrize("sun", [True, False])
+def test_twin_pond_light_on_material(sun):
+    case = pond_case(sun=sun)
+    normal = unit_vectors(1000, 65)
+    got = evaluate_own(case, ("vec3", "pond_light_on_material(n)"), n=normal)
+    compare(got, technique_pond.light_on_material(normal, POND, case[7].sun), 8 * EPS)
+
+
+@pytest.mark.parametrize("sun", [True, False])
+def test_twin_pond_highlight(sun):
+    """4 EPS, what the cosine loses, times the exponent; half of the cases look along the mirrored ray."""
+    case = pond_case(sun=sun)
+    normal, to_eye = normals_and_eyes()
+    if sun:
+        mirrored = optics.reflect_direction(np.broadcast_to(-case[7].sun.direction, normal.shape), normal)
+        to_eye[::2] = mirrored[::2] + 0.2 * to_eye[::2]
+        to_eye = single(to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True))
+    want = technique_pond.highlight(normal, to_eye, POND, case[7].sun)
+    got = evaluate_own(case, ("vec3", "pond_highlight(n, e)"), n=normal, e=to_eye)
+    facing = np.ones(len(normal), bool) if not sun else np.abs(normal @ case[7].sun.direction) > 4 * EPS
+    compare(got[facing], want[facing], 4 * EPS * POND.shininess)
+    assert np.any(want > 0.5) == sun
+
+
+POND_CASES = LAKE_CASES | {"no sun": {"sun": False}, "no grid": {"grid": False}}
+
+
+@pytest.mark.parametrize("case", POND_CASES.values(), ids=POND_CASES)
+def test_twin_pond_water_radiance(case):
+    own = pond_case(**case)
+    body, textures, _, _, surface, normal, to_eye, snapshot = own
+    got = evaluate_own(own, ("vec3", "water_radiance(u, n, e)"), u=surface, n=normal, e=to_eye)
+    want = technique_pond.water_radiance(
+        surface,
+        normal,
+        to_eye,
+        body,
+        POND,
+        OWN_TIME,
+        textures,
+        pond_maps(own),
+        snapshot.sun,
+        snapshot.sky,
+    )
+    compare_radiance(got, want)
 
 
 # technique_lake_under_lib.glsl
