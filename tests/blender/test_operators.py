@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from types import ModuleType
 
@@ -233,7 +233,7 @@ def test_reset_puts_everything_but_the_display_back() -> None:
     assert (settings.k, settings.q, settings.c) == (0.5, 5.0, 1.0)
     assert settings.waves == waves
     assert obj.lake_water.grid_resolution == 49
-    assert frame_settings(scene) == FrameSettings()
+    assert asdict(frame_settings(scene)) == pytest.approx(asdict(FrameSettings()))
     assert obj.lake_water.enabled and obj.display_type == "WIRE"
     assert not scene.lake_water.show_in_viewport
 
