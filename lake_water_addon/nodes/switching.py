@@ -13,7 +13,8 @@ same work once more. So, for each water object:
 What changes the answer, and how it is noticed: the engine set by a person or by Python (the depsgraph
 handler: the scene is tagged), on the command line (`render_init`); a viewport's shading mode, a closed
 area or window (each is followed by a redraw: a draw handler compares, and a timer changes the data);
-new, duplicated or linked water and waves added or removed (the depsgraph handler); loading, undo.
+new, duplicated or linked water and waves added or removed (the depsgraph handler, and that for a new
+frame: a script may have had no update in between); loading, undo.
 """
 
 from __future__ import annotations
@@ -138,7 +139,9 @@ def register() -> None:
     """Start to follow engine and viewports. A file that is open already is looked at when it changes."""
     global _state  # noqa: PLW0603 - the one piece of state, gone again after unregister()
     _state = _State()
-    _state.listener = handlers.Listener(loaded=update_file, undone=update_file, updated=_updated)
+    _state.listener = handlers.Listener(
+        loaded=update_file, undone=update_file, updated=_updated, frame_changed=_updated
+    )
     handlers.subscribe(_state.listener)
     bpy.app.handlers.render_init.append(_render_init)
     if not bpy.app.background:
