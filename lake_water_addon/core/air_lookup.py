@@ -8,12 +8,15 @@ functions of coordinates (n, 2): what stands in them is the passes' business.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from . import cameras, intersection, optics
 from .lookup import Lookup, inside_texture
-from .plan import BodyPlan, TexturePass
+
+if TYPE_CHECKING:  # the plan looks up the techniques, which look up this
+    from .plan import BodyPlan, TexturePass
 
 LEAST_KNOWN = 0.25
 """Alpha of a refraction lookup below which another place is tried."""

@@ -24,9 +24,11 @@ def sun_in_air(normal: np.ndarray, sun: Sun | None) -> np.ndarray:
     return sun.irradiance * np.maximum(np.sum(normal * sun.direction, axis=-1, keepdims=True), 0.0)
 
 
-def diffuse_radiance(albedo: np.ndarray, normal: np.ndarray, sun: np.ndarray, world: Sky) -> np.ndarray:
+def diffuse_radiance(
+    albedo: np.ndarray, normal: np.ndarray, sun: np.ndarray, sky_part: np.ndarray, world: Sky
+) -> np.ndarray:
     """(..., 3) radiance of a diffuse surface, in every direction; albedo (..., 3), unit normals (..., 3).
 
-    Lambert's law: albedo / pi times the sun's irradiance (..., 3) and the sky's.
+    Lambert's law: albedo / pi times the sun's irradiance (..., 3) and a part (..., 3) of the sky's.
     """
-    return albedo * (sun / np.pi + sky_irradiance(world, normal))
+    return albedo * (sun / np.pi + sky_part * sky_irradiance(world, normal))

@@ -27,6 +27,7 @@ from .light import (
 )
 from .settings import FrameSettings
 from .snapshot import Camera, SceneSnapshot, Sun, WaterBody
+from .techniques import TECHNIQUES, RefractionMap, Technique
 from .under_water import (
     RAY_LENGTH,
     HeightMap,
@@ -50,6 +51,9 @@ LEAST_SEEN = 1.0 / 256.0
 SEARCH_OVERSHOOT = 1.5
 """How far beyond the lowest point of the bottom, as a part of the depth, the search may look on its way."""
 
+SHORTEST_SEARCH = 1.0
+"""m along the ray that it may look in any case, however shallow the water."""
+
 CASCADES = 3
 """Shadow textures, each for what is seen within a distance."""
 
@@ -67,7 +71,7 @@ LEAST_SUN = 1e-3
 class TexturePass:
     """A picture of the scene that the water looks up. view, projection: (4, 4) float64, render space.
 
-    keep: +1 draws what lies below `clip_height`, -1 what lies above; what does not reach
+    keep: +1 draws what lies below `clip_height`, -1 what lies above, 0 all; what does not reach
     beyond `clear_height` cannot be cut by a wave. drawn: False when the pass is not needed;
     `reason` says why, either way, in words for a person. region: (left, bottom, right, top) of
     the texture, in 0..1, outside of which nothing is ever looked up.
@@ -104,6 +108,20 @@ class WaterLight:
 
 
 @dataclass(frozen=True, eq=False)
+class Spectrum:
+    """How light in the water differs, by colour, from white light attenuated by k.
+
+    absorption: (3,) 1/m, that of sunlight; sun: what of it passes the surface, relative to Schlick's term;
+    sky: part of the sky's light that does; sky_absorption: (3,) 1/m of that, for each m of depth.
+    """
+
+    absorption: np.ndarray
+    sun: float
+    sky: float
+    sky_absorption: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class UnderWater:
     """What a picture needs that begins, in all or some of its pixels, in this body of water.
 
@@ -122,6 +140,9 @@ class UnderWater:
 class BodyPlan:
     """One water body in one view. origin: (3,) of the water frame in render space.
 
+    body: as the technique draws it, which may be without waves, or with a k of its own. lowest: height in
+    render space of the lowest thing in it.
+
     side: of its surface, on which the picture begins. refraction and reflection are what is looked up from
     the air; under: from the water, None when the picture does not begin in it.
     """
@@ -136,6 +157,8 @@ class BodyPlan:
     drawn: bool
     reason: str
     light: WaterLight | None
+    spectrum: Spectrum
+    lowest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +175,7 @@ class FramePlan:
     camera: Camera
     bodies: tuple[BodyPlan, ...]
     settings: FrameSettings
+    technique: Technique
     shadows: tuple[LightCamera, ...]
     extents: Extents
     near_plane: NearPlane
@@ -203,6 +227,8 @@ def plan_frame(
     part of it looks the same when drawn alone. jitter: shift of the picture in device
     coordinates, for antialiasing. extents: of the last plan's scene, used again while they hold.
     """
+    technique = TECHNIQUES[settings.technique]
+    waters = tuple(_as_drawn(body, technique) for body in snapshot.waters)
     origin = render_origin(snapshot)
     shift = np.eye(4)
     shift[:2, 3] = jitter
@@ -215,13 +241,11 @@ def plan_frame(
     begin = near_plane(drawn.view, drawn.projection)
     packed = [
         waves.pack(b.settings.waves[: waves.MAX_WAVES], snapshot.time, b.settings.depth, b.heading)
-        for b in snapshot.waters
+        for b in waters
     ]
-    sides = _sides(snapshot, origin, begin, packed)
+    sides = _sides(waters, snapshot, origin, begin, packed)
     bodies = tuple(
-        _plan_body(
-            snapshot.waters[i], snapshot, steady, whole, drawn, origin, extents, settings, packed[i], sides[i]
-        )
+        _plan_body(waters[i], snapshot, steady, whole, drawn, origin, extents, settings, packed[i], sides[i])
         for i in range(len(sides))
     )
     shadows = _plan_shadows(snapshot.sun, steady, bodies, extents.bounds, settings)
@@ -233,11 +257,48 @@ def plan_frame(
         for body in bodies
     ]
     glow = plan_glow(snapshot.sun, steady, surfaces, settings, window=window, jitter=jitter)
-    return FramePlan(snapshot, origin, drawn, bodies, settings, shadows, extents, begin, whole_height, glow)
+    return FramePlan(
+        snapshot, origin, drawn, bodies, settings, technique, shadows, extents, begin, whole_height, glow
+    )
+
+
+def _as_drawn(body: WaterBody, technique: Technique) -> WaterBody:
+    """The body with the settings that a technique makes of its own."""
+    own = body.settings.of(technique.settings)
+    changed = {}
+    if own is not None and not own.displaces:
+        changed["waves"] = ()
+    if technique.spectral:
+        # Whatever knows no colours takes the mean, such as photons and the fog seen from under water.
+        changed["k"] = float(np.mean(own.absorption))
+    return replace(body, settings=replace(body.settings, **changed)) if changed else body
+
+
+def _spectrum(body: WaterBody, sun: Sun | None, technique: Technique) -> Spectrum:
+    settings = body.settings
+    if not technique.spectral:
+        return Spectrum(np.full(3, settings.k), 1.0, 1.0, np.zeros(3))
+    n12 = 1.0 / settings.ior
+    absorption = np.array(settings.of(technique.settings).absorption, dtype=np.float64)
+    passed = 1.0
+    if sun is not None:
+        schlick = optics.schlick(sun.direction[2], optics.reflectance_at_normal(n12), settings.q)
+        exact = optics.fresnel_dielectric(sun.direction[2], n12)
+        passed = float((1.0 - exact) / max(1.0 - schlick, 1e-6))
+    return Spectrum(
+        absorption,
+        passed,
+        optics.diffuse_transmittance(settings.ior),
+        absorption * optics.diffuse_path(settings.ior),
+    )
 
 
 def _sides(
-    snapshot: SceneSnapshot, origin: np.ndarray, begin: NearPlane, packed: list[np.ndarray]
+    waters: tuple[WaterBody, ...],
+    snapshot: SceneSnapshot,
+    origin: np.ndarray,
+    begin: NearPlane,
+    packed: list[np.ndarray],
 ) -> list[ViewSide]:
     """On which side of each body's surface the picture begins; it begins in one body at most.
 
@@ -245,10 +306,10 @@ def _sides(
     """
     sides = [
         view_side(begin, body, snapshot.meshes.get(body.mesh), body.matrix[:3, 3] - origin, of_body)
-        for body, of_body in zip(snapshot.waters, packed, strict=True)
+        for body, of_body in zip(waters, packed, strict=True)
     ]
     inside = [i for i, side in enumerate(sides) if side.from_below]
-    for i in sorted(inside, key=lambda i: snapshot.waters[i].level)[1:]:
+    for i in sorted(inside, key=lambda i: waters[i].level)[1:]:
         sides[i] = ViewSide(Side.AIR, "the camera is in another water below it", sides[i].from_above, False)
     return sides
 
@@ -266,6 +327,7 @@ def _plan_body(
     side: ViewSide,
 ) -> BodyPlan:
     optics_of = body.settings
+    technique = TECHNIQUES[settings.technique]
     at = body.matrix[:3, 3] - origin
     level = float(at[2])
     n12 = 1.0 / optics_of.ior
@@ -277,18 +339,22 @@ def _plan_body(
     from_above = visible and side.from_above
     seen = reason if from_above or not visible else side.reason
     wide = cameras.widen(whole.projection, settings.fov_ext)
-    refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
+    refraction_view = whole.view
+    if technique.refraction is RefractionMap.TURNED:
+        refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
+    refraction_keep = 0 if technique.refraction is RefractionMap.WHOLE else +1
+    sunken = extents.below(level + highest)
     refraction = TexturePass(
         "refraction",
         refraction_view,
         wide,
-        keep=+1,
+        keep=refraction_keep,
         clip_height=level + highest,
         clear_height=level - highest,
         drawn=from_above,
         reason=f"the bottom seen through it: {seen}",
-        region=_refraction_region(body, snapshot, at, highest, drawn, wide @ refraction_view, extents)
-        if from_above
+        region=_refraction_region(body, snapshot, at, highest, drawn, wide @ refraction_view, sunken)
+        if from_above and refraction_keep
         else WHOLE,
     )
     mirrored = cameras.mirrored_view(whole.view, level)
@@ -301,8 +367,9 @@ def _plan_body(
         clear_height=level + highest,
         drawn=from_above,
         reason=f"what it mirrors: {seen}",
+        # Only those that look it up at U + c R stay near U.
         region=_reflection_region(body, snapshot, at, highest, drawn, wide @ mirrored)
-        if from_above
+        if from_above and "c" in technique.reads
         else WHOLE,
     )
     under = None
@@ -310,11 +377,22 @@ def _plan_body(
         under = _plan_under_water(body, snapshot, at, highest, whole, drawn, wide, side, visible, reason)
     light = None
     is_lit = snapshot.sun is not None and snapshot.sun.direction[2] >= LEAST_SUN
-    if (visible or side.from_below) and is_lit:
-        sunken = extents.below(level + highest)
-        if sunken is not None:
-            light = _plan_light(body, snapshot, steady, at, highest, sunken, settings, side)
-    return BodyPlan(body, at, packed, side, refraction, reflection, under, visible, reason, light)
+    if (visible or side.from_below) and is_lit and sunken is not None:
+        light = _plan_light(body, snapshot, steady, at, highest, sunken, settings, side)
+    return BodyPlan(
+        body,
+        at,
+        packed,
+        side,
+        refraction,
+        reflection,
+        under,
+        visible,
+        reason,
+        light,
+        _spectrum(body, snapshot.sun, technique),
+        float(sunken[0][2]) if sunken is not None else level - highest,
+    )
 
 
 def _plan_under_water(
@@ -553,17 +631,17 @@ def _refraction_region(
     highest: float,
     camera: Camera,
     to_texture_clip: np.ndarray,
-    extents: Extents,
+    sunken: Bounds | None,
 ) -> tuple[float, float, float, float]:
     """The part of the refraction texture that the search can look up on its way to the bottom and beyond."""
     points = _seen_surface(body, snapshot, at, highest, camera)
-    sunken = extents.below(float(at[2]) + highest)
     if points is None or sunken is None:
         return WHOLE
     depth = float(at[2]) + highest - float(sunken[0][2])
     directions = seen_through(points, camera.view, camera.projection, 1.0 / body.settings.ior)
-    along = directions * (SEARCH_OVERSHOOT * depth / np.maximum(-directions[:, 2:], 1e-3))
-    turned = 0.5 * _greatest_slope(body) * SEARCH_OVERSHOOT * depth
+    length = np.maximum(SEARCH_OVERSHOOT * depth / np.maximum(-directions[:, 2:], 1e-3), SHORTEST_SEARCH)
+    along = directions * length
+    turned = 0.5 * _greatest_slope(body) * max(SEARCH_OVERSHOOT * depth, SHORTEST_SEARCH)
     box = np.array(list(product((-turned, turned), (-turned, turned), (0.0,))))
     return _region_around(np.concatenate([points, points + along]), to_texture_clip, box)
 

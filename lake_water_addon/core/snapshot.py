@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .technique_settings import TechniqueSettings
 from .waves import SineWave
 
 
@@ -158,7 +159,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class WaterSettings:
-    """What a person set on a water body (MODEL's symbols)."""
+    """What a person set on a water body (MODEL's symbols).
+
+    own: settings that single techniques have, an instance of each class at most.
+    """
 
     k: float = 0.5
     q: float = 5.0
@@ -167,6 +171,11 @@ class WaterSettings:
     water_color: tuple[float, float, float] = (0.0, 0.2, 0.1)
     waves: tuple[SineWave, ...] = ()
     depth: float = 5.0  # m, for the dispersion relation
+    own: tuple[TechniqueSettings, ...] = ()
+
+    def of(self, kind: type[TechniqueSettings] | None) -> TechniqueSettings | None:
+        """The settings of one class of a technique's own; its defaults where none are given."""
+        return None if kind is None else next((s for s in self.own if type(s) is kind), None) or kind()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The techniques that a person can choose from: one entry each, nothing else to touch in the interface.
+"""The techniques that a person can choose from: one entry each, which all else follows.
 
 `scene.lake_water.technique` holds the key. A file stores a choice by its place in this
 dictionary, so that new techniques go to the end.
@@ -8,21 +8,63 @@ dictionary, so that new techniques go to the end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
+
+from .technique_settings import TechniqueSettings
+from .technique_traced import TracedSettings
+
+
+class RefractionMap(Enum):
+    """The picture in which a technique looks up what lies under water.
+
+    TURNED: what lies below the surface, from the camera turned into the water as refraction bends its lowest
+    ray; MAIN: the same from the main camera; WHOLE: the whole scene without the water, from the main camera.
+    """
+
+    TURNED = "TURNED"
+    MAIN = "MAIN"
+    WHOLE = "WHOLE"
 
 
 @dataclass(frozen=True)
 class Technique:
-    """What the interface says about one technique: a label in title case, what it models and costs."""
+    """One way to turn a point of the surface into radiance, seen from the air.
+
+    label: in title case; description: what it models and costs, for a person. reads: settings of the water
+    body and the scene that have an effect. settings: the class of those that only this technique has, under
+    `object.lake_water.<key in lower case>`, or None. reflection_depth: the reflection texture has distances,
+    too. spectral: its own setting `absorption` (1/m, RGB) replaces k, and light in the water is followed by
+    colour.
+    """
 
     label: str
     description: str
+    refraction: RefractionMap
+    reads: frozenset[str]
+    settings: type[TechniqueSettings] | None = None
+    reflection_depth: bool = False
+    spectral: bool = False
 
+
+_COMMON = frozenset({"ior", "water_color", "waves", "depth", "fov_ext", "texture_size"})
 
 TECHNIQUES: dict[str, Technique] = {
     "LAKE": Technique(
         "Lake",
         "Refraction camera turned into the water, several steps of the intersection search, Schlick's "
         "Fresnel term (Mihálik 2008). Draws the scene three times a frame: as seen, refracted and reflected",
+        RefractionMap.TURNED,
+        _COMMON | {"k", "q", "c", "intersection_steps"},
+    ),
+    "TRACED": Technique(
+        "Traced",
+        "Refracted and reflected rays followed through the depth of their pictures, exact Fresnel equations, "
+        "absorption by color: the most accurate and the slowest. Draws the scene three times a frame",
+        RefractionMap.TURNED,
+        _COMMON,
+        settings=TracedSettings,
+        reflection_depth=True,
+        spectral=True,
     ),
 }
 

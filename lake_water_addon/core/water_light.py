@@ -8,6 +8,8 @@ Under a calm surface all sunlight travels in one direction r. The irradiance of 
 with s towards the sun, E_sun across its beam in the air, and L the light that is left, relative to
 what falls on the water: (1 - F) exp(-k d) under a calm surface, and the sum of the photons, which is
 just that on average, under waves. On a level bottom this is E_sun s_z L.
+
+A technique that knows colours corrects that as under a calm surface: `plan.Spectrum`.
 """
 
 from __future__ import annotations
@@ -54,12 +56,25 @@ def light_through_water(
     return calm + known * (caustics(uv) - calm)
 
 
+def sky_in_water(position: np.ndarray, body: BodyPlan) -> np.ndarray:
+    """(n, 3) part of the sky's light that is left at points (n, 3)."""
+    depth = np.maximum(body.origin[2] - position[:, 2], 0.0)
+    return body.spectrum.sky * np.exp(-depth[:, None] * body.spectrum.sky_absorption)
+
+
 def sun_in_water(
-    normal: np.ndarray, body: BodyPlan, sun: Sun, light: np.ndarray, visibility: np.ndarray
+    position: np.ndarray,
+    normal: np.ndarray,
+    body: BodyPlan,
+    sun: Sun,
+    light: np.ndarray,
+    visibility: np.ndarray,
 ) -> np.ndarray:
-    """E (n, 3), W/m^2, on surfaces with unit normals (n, 3).
+    """E (n, 3), W/m^2, at points (n, 3) of surfaces with unit normals (n, 3).
 
     light: L (n,); visibility: (n,) what the shadows of things under water leave of it.
     """
     cosine = np.maximum(-(normal @ body.light.camera.direction), 0.0)
-    return (body.light.bending * cosine * light * visibility)[:, None] * sun.irradiance
+    beyond = body.spectrum.absorption - body.body.settings.k
+    by_color = body.spectrum.sun * np.exp(-calm_light_path(position, body)[:, None] * beyond)
+    return (body.light.bending * cosine * light * visibility)[:, None] * by_color * sun.irradiance

@@ -9,4 +9,7 @@ void main()
     direction = (pass_view.clip_to_direction * vec4(v_ndc, 1.0, 1.0)).xyz;
   }
   out_color = vec4(sky_radiance(normalize(direction)), 1.0);
+#ifdef LINEAR_DEPTH
+  out_depth = LINEAR_DEPTH;
+#endif
 }

@@ -9,8 +9,8 @@ vec3 sun_in_air(vec3 normal)
   return lights.sun_irradiance.rgb * max(dot(normal, lights.sun_direction.xyz), 0.0);
 }
 
-// Radiance of a diffuse surface under the sun's irradiance and the sky's.
-vec3 diffuse_radiance(vec3 albedo, vec3 normal, vec3 sun)
+// Radiance of a diffuse surface under the sun's irradiance and a part of the sky's.
+vec3 diffuse_radiance(vec3 albedo, vec3 normal, vec3 sun, vec3 sky)
 {
-  return albedo * (sun * INVERSE_PI + sky_irradiance(normal));
+  return albedo * (sun * INVERSE_PI + sky * sky_irradiance(normal));
 }

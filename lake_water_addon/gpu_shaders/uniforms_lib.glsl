@@ -4,6 +4,7 @@
 
 #define MAX_WAVES 32
 #define MAX_SHADOWS 3
+#define MAX_TECHNIQUE_VALUES 24
 
 struct Lights {
   vec4 sun_direction;    // xyz: unit, towards the sun
@@ -31,7 +32,7 @@ struct Water {
   vec4 fresnel; // f, intersection steps, fade at the texture's border, size of the textures
   vec4 color;
   vec4 grid;      // half extents x, y; centre x, y; in the water frame
-  vec4 grid_axis; // cos, sin of the heading
+  vec4 grid_axis; // cos, sin of the heading; z: height of the lowest thing in the water
   mat4 refraction_view;
   mat4 refraction_projection;
   mat4 reflection_view;
@@ -46,6 +47,13 @@ struct WaterLight {
   vec4 direction;  // xyz: unit, of the light below the flat surface, downwards; w: s.z / |r.z|
   vec4 caustics;   // photons a side, texels a side, intersection steps
   vec4 depth;      // texels a side, size of a texel in m, 1 - F of the flat surface, 1 when there is sunlight
+  vec4 sun;        // rgb: absorption of sunlight beyond k, 1/m; w: part that enters beside 1 - F
+  vec4 sky;        // rgb: absorption of the sky's light, 1/m of depth; w: part that enters
+};
+
+// Settings that only one technique has: one value each, in the order of their class (core/technique_settings.py).
+struct Technique {
+  vec4 values[MAX_TECHNIQUE_VALUES];
 };
 
 // The rectangle on which a picture begins (core/under_water.py).

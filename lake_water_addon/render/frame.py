@@ -158,11 +158,20 @@ class FrameRenderer:
         target = textures.refraction_target(self.targets, i, plan.settings.texture_size)
         view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction))
         with timer.measure("refraction", target.framebuffer):
-            textures.draw_refraction(self._geometry, body.refraction, target, in_water, view, water)
-        target = textures.reflection_target(self.targets, i, plan.settings.texture_size)
+            if body.refraction.keep:
+                textures.draw_refraction(self._geometry, body.refraction, target, in_water, view, water)
+            else:
+                textures.draw_whole_refraction(
+                    self._geometry, body.refraction, target, in_air, in_water, view
+                )
+        target = self._reflection_target(i, plan)
         view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
         with timer.measure("reflection", target.framebuffer):
             textures.draw_reflection(self._geometry, body.reflection, target, in_air, view, water)
+
+    def _reflection_target(self, i: int, plan: FramePlan) -> Target:
+        size, linear_depth = plan.settings.texture_size, plan.technique.reflection_depth
+        return textures.reflection_target(self.targets, i, size, linear_depth=linear_depth)
 
     def _draw_textures_from_below(
         self, i: int, plan: FramePlan, timer: PassTimer, in_air: SceneLook, in_water: SceneLook
@@ -245,7 +254,7 @@ class FrameRenderer:
         lights = self.upload(plan)
         view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
         immersed = plan.immersed
-        look = SurfaceLook(plan.settings.technique, view_transform)
+        look = SurfaceLook(plan.settings.technique, view_transform=view_transform)
         with timer.measure("water", framebuffer):
             for i, body in enumerate(plan.bodies):
                 if body.refraction.drawn and i != immersed:
@@ -280,7 +289,10 @@ class FrameRenderer:
         else:
             water = self._block("water", i).update(*uniforms.water(plan, body))
             refraction = textures.refraction_target(self.targets, i, size)
-            reflection = textures.reflection_target(self.targets, i, size)
+            reflection = self._reflection_target(i, plan)
+            if plan.technique.settings is not None:
+                own = body.body.settings.of(plan.technique.settings)
+                look = replace(look, own=self._block("technique", i).update(uniforms.technique(own, plan)))
         self._water.draw(look, body, plan.origin, lights, view, water, refraction, reflection)
 
     def draw_picture(

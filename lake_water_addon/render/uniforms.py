@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 from gpu.types import Buffer, GPUUniformBuf
 
-from ..core import cameras, optics
+from ..core import cameras, optics, technique_settings
 from ..core.plan import CASCADES, BodyPlan, FramePlan, TexturePass
+from ..core.technique_settings import TechniqueSettings
 from ..core.under_water import HEIGHT_TEXELS, HeightMap, NearPlane
 from ..core.waves import MAX_WAVES
 from .resources import Resources
@@ -109,7 +110,7 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
         ),
         _vec4(np.array(settings.water_color), 1.0),
         np.array([half_x, half_y, center_x, center_y]),
-        np.array([np.cos(body.body.heading), np.sin(body.body.heading), 0.0, 0.0]),
+        np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, 0.0]),
         looked_up.refraction.view.T,
         looked_up.refraction.projection.T,
         looked_up.reflection.view.T,
@@ -119,10 +120,11 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
 
 
 def water_light(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
-    """Members of struct WaterLight; without sunlight in the water, all of them zero."""
-    light, settings = body.light, plan.settings
+    """Members of struct WaterLight; without sunlight in the water, all of them zero but the sky's."""
+    light, settings, spectrum = body.light, plan.settings, body.spectrum
+    sky = _vec4(spectrum.sky_absorption, spectrum.sky)
     if light is None:
-        return [np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4)]
+        return [np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4), sky]
     camera = light.camera
     return [
         camera.view.T,
@@ -130,7 +132,17 @@ def water_light(plan: FramePlan, body: BodyPlan) -> list[np.ndarray]:
         _vec4(camera.direction, light.bending),
         np.array([settings.photon_size, settings.caustics_size, settings.caustics_steps, 0.0]),
         np.array([camera.resolution, camera.texel.max(), light.transmittance, 1.0]),
+        _vec4(spectrum.absorption - body.body.settings.k, spectrum.sun),
+        sky,
     ]
+
+
+def technique(settings: TechniqueSettings, plan: FramePlan) -> np.ndarray:
+    """The only member of struct Technique."""
+    packed = technique_settings.pack(settings, plan.snapshot.time)
+    values = np.zeros((technique_settings.MAX_VALUES, 4))
+    values[: len(packed)] = packed
+    return values
 
 
 def near_plane(plane: NearPlane, heights: HeightMap | None = None) -> list[np.ndarray]:

@@ -553,17 +553,19 @@ def test_twin_diffuse_radiance():
     normals = np.concatenate([unit_vectors(2000, 16), np.eye(3), -np.eye(3)])
     albedo = single(RNG(17).uniform(0, 1, normals.shape))
     sun = single(RNG(18).uniform(0, 5, normals.shape))
+    part = single(RNG(19).uniform(0, 1, normals.shape))
     for scene in lit_scenes():
         got = evaluate(
             ["sky_lib.glsl", "lighting_lib.glsl"],
-            {"c": ("vec3", "diffuse_radiance(albedo, n, sun)")},
+            {"c": ("vec3", "diffuse_radiance(albedo, n, sun, part)")},
             uniform_buffers={"lights": ("Lights", lights_block(scene))},
             samplers={"sky_image": ("FLOAT_2D", data_texture(np.zeros((1, 1, 4))))},
             albedo=albedo,
             n=normals,
             sun=sun,
+            part=part,
         )["c"]
-        compare(got, lighting.diffuse_radiance(albedo, normals, sun, scene.sky), 2e-5)
+        compare(got, lighting.diffuse_radiance(albedo, normals, sun, part, scene.sky), 2e-5)
 
 
 # shadow_lib.glsl
@@ -682,9 +684,12 @@ def test_twin_sun_visibility():
 # water_light_lib.glsl
 
 
-def in_water():
+every_light = pytest.mark.parametrize("technique", ["LAKE", "TRACED"])
+
+
+def in_water(technique="LAKE"):
     """A lit body of water, points in and around its window, and textures: (plan, points, depth, caustics)."""
-    plan = planned(light_depth_size=16)
+    plan = planned(light_depth_size=16, technique=technique)
     camera = plan.bodies[0].light.camera
     rng = RNG(34)
     points = single(rng.uniform((-40, -40, -6), (40, 40, 1), (4000, 3)))
@@ -713,9 +718,9 @@ def water_light_options(plan, depths, depth, caustics):
     return options
 
 
-def evaluate_in_water(expression, **inputs):
+def evaluate_in_water(expression, technique="LAKE", **inputs):
     """The expression, which is a float, over the points of `in_water`; and what the twin needs."""
-    plan, points, depth, caustics = in_water()
+    plan, points, depth, caustics = in_water(technique)
     depths = shadowed()[2]
     got = evaluate(
         ["water_light_lib.glsl"],
@@ -754,12 +759,23 @@ def test_twin_water_light_visibility():
     nearly_even(got, want, 0.002)
 
 
-def test_twin_sun_in_water():
+@every_light
+def test_twin_sky_in_water(technique):
+    got, plan, points, _, _ = evaluate_in_water(("vec3", "sky_in_water(p)"), technique)
+    want = water_light.sky_in_water(points, plan.bodies[0])
+    compare(got, want, 1e-5)
+    assert (np.ptp(want) == 0.0) == (technique == "LAKE")
+
+
+@every_light
+def test_twin_sun_in_water(technique):
     normal = unit_vectors(4000, 35)
-    got, plan, points, depth, light = evaluate_in_water(("vec3", "sun_in_water(p, n, n)"), n=normal)
+    got, plan, points, depth, light = evaluate_in_water(
+        ("vec3", "sun_in_water(p, n, n)"), technique, n=normal
+    )
     body, sun = plan.bodies[0], plan.snapshot.sun
     visible = shadows.visibility(points, normal, [body.light.camera], [depth])
-    want = water_light.sun_in_water(normal, body, sun, light, visible)
+    want = water_light.sun_in_water(points, normal, body, sun, light, visible)
     assert want.max() > 1.0
     assert np.mean(np.abs(got - want).max(axis=1) > 0.02 * sun.irradiance.max()) < 0.01
 
@@ -1977,13 +1993,10 @@ def test_twin_border_coverage(photons, texels):
     compare(got, caustics.border_coverage(texel, texels, spacing), 4 * EPS * max(spacing, 1.0))
 
 
-def test_twin_resolved():
-    sums = single(RNG(53).uniform(0, 1.2, (100, 100, 2)) ** 2)
-    y, x = (a.ravel() for a in np.mgrid[:100, :100])
-    got = evaluate(
-        ["caustics_lib.glsl"],
-        {"v": ("float", "resolved(s.x, s.y, t, 100.0, 2.0)")},
-        s=sums.reshape(-1, 2),
-        t=np.stack([x, y], 1),
-    )["v"]
-    compare(got, caustics.resolved(sums, 50).ravel(), 4 * EPS, 32 * EPS)
+def test_twin_coverage():
+    rng = RNG(53)
+    texel, missing = rng.integers(0, 100, (2000, 2)).astype(float), single(rng.uniform(0, 1, 2000))
+    got = evaluate(["caustics_lib.glsl"], {"c": ("float", "coverage(m, t, 100.0, 2.0)")}, m=missing, t=texel)[
+        "c"
+    ]
+    compare(got, caustics.coverage(missing, texel, 100, 2.0), 8 * EPS)

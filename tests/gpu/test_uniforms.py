@@ -31,7 +31,7 @@ def structs():
 
 def test_only_members_of_whole_vectors_are_used():
     """vec4, mat4 and arrays of them: with others std140 pads, and `uniforms.py` does not."""
-    assert set(structs()) == {"Lights", "View", "Water", "WaterLight", "NearPlane"}
+    assert set(structs()) == {"Lights", "View", "Water", "WaterLight", "Technique", "NearPlane"}
     for name, members in structs().items():
         for kind, member, _ in members:
             assert kind in SIZES, f"{kind} {member} in struct {name}"
@@ -43,6 +43,7 @@ def member_arrays():
     from lake_water_addon.core.plan import CASCADES, plan_frame
     from lake_water_addon.core.settings import FrameSettings
     from lake_water_addon.core.snapshot import Material, Sky, Sun, WaterSettings
+    from lake_water_addon.core.technique_traced import TracedSettings
     from lake_water_addon.core.waves import SineWave
     from lake_water_addon.render import uniforms
     from tests.gpu import scenes
@@ -65,7 +66,7 @@ def member_arrays():
     plan = plan_frame(
         scene,
         scenes.look_at((1, -9, 5.2), (0, 1, 4)),
-        FrameSettings(texture_size=64, intersection_steps=7, light_depth_size=64),
+        FrameSettings(technique="TRACED", texture_size=64, intersection_steps=7, light_depth_size=64),
         jitter=(0.01, 0.02),
     )
     body_plan = plan.bodies[0]
@@ -77,11 +78,12 @@ def member_arrays():
         "View": uniforms.texture_view(body_plan.reflection),
         "Water": uniforms.water(plan, body_plan),
         "WaterLight": uniforms.water_light(plan, body_plan),
+        "Technique": [uniforms.technique(TracedSettings(1, 2, 3.0, (4.0, 5.0, 6.0)), plan)],
         "NearPlane": uniforms.near_plane(begin, under_water.height_map(begin, -1.0, 2.0)),
     }
 
 
-@pytest.mark.parametrize("struct", ["Lights", "View", "Water", "WaterLight", "NearPlane"])
+@pytest.mark.parametrize("struct", ["Lights", "View", "Water", "WaterLight", "Technique", "NearPlane"])
 def test_every_member_arrives(struct):
     from lake_water_addon.render.resources import Resources
     from lake_water_addon.render.uniforms import UniformBlock

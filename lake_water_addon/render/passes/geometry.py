@@ -29,15 +29,24 @@ SCENE = dict(
     ),
 )
 
-BACKGROUND = ShaderSpec(
-    name="background",
-    vertex="background_vert.glsl",
-    fragment="background_frag.glsl",
-    vertex_in=(("VEC2", "position"),),
-    varyings=(("VEC2", "v_ndc"),),
-    uniform_buffers=(("Lights", "lights"), ("View", "pass_view")),
-    samplers=(("FLOAT_2D", "sky_image"),),
-)
+NO_DEPTH = 1e5
+"""m: the distance of the sky in textures of distances."""
+
+
+def background_spec(*, linear_depth: bool) -> tuple[ShaderSpec, dict[str, str]]:
+    """The interface and defines of the sky's shader."""
+    outputs = (("VEC4", "out_color"), *((("FLOAT", "out_depth"),) if linear_depth else ()))
+    spec = ShaderSpec(
+        name="background",
+        vertex="background_vert.glsl",
+        fragment="background_frag.glsl",
+        vertex_in=(("VEC2", "position"),),
+        varyings=(("VEC2", "v_ndc"),),
+        outputs=outputs,
+        uniform_buffers=(("Lights", "lights"), ("View", "pass_view")),
+        samplers=(("FLOAT_2D", "sky_image"),),
+    )
+    return spec, {"LINEAR_DEPTH": f"{NO_DEPTH:.1f}"} if linear_depth else {}
 
 
 DEPTH = {**SCENE, "name": "depth", "fragment": "depth_frag.glsl"}
@@ -205,7 +214,14 @@ class GeometryPainter:
             self._draw_segments(cut, *common, water=water)
 
     def draw_scene_in_water(
-        self, in_air: SceneLook, in_water: SceneLook, view: GPUUniformBuf, lowest: float, highest: float
+        self,
+        in_air: SceneLook,
+        in_water: SceneLook,
+        view: GPUUniformBuf,
+        lowest: float,
+        highest: float,
+        *,
+        linear_depth: bool = False,
     ) -> None:
         """Draw every draw call, what lies below the waves lit through them.
 
@@ -215,7 +231,7 @@ class GeometryPainter:
         at_the_line = replace(in_water, above_too=True)
         for segments, look in ((below, in_water), (across, at_the_line), (above, in_air)):
             with opaque_state():
-                self._draw_segments(segments, look, view, False, False, False, False)
+                self._draw_segments(segments, look, view, False, False, False, linear_depth)
 
     def draw_depths(
         self, view: GPUUniformBuf, keep: int = 0, height: float = 0.0, *, cull_back_faces: bool = False
@@ -304,10 +320,10 @@ class GeometryPainter:
                 shader.uniform_int("use_vertex_color", int(material.use_color_attribute))
             segment.draw(shader)
 
-    def draw_sky(self, lights: GPUUniformBuf, view: GPUUniformBuf) -> None:
+    def draw_sky(self, lights: GPUUniformBuf, view: GPUUniformBuf, *, linear_depth: bool = False) -> None:
         """Draw the sky wherever nothing is nearer."""
         with opaque_state():
-            shader = self._library.get(BACKGROUND)
+            shader = self._library.get(*background_spec(linear_depth=linear_depth))
             shader.bind()
             shader.uniform_block("lights", lights)
             shader.uniform_block("pass_view", view)

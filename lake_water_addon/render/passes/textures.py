@@ -12,9 +12,9 @@ from gpu.types import GPUUniformBuf
 
 from ...core.plan import TexturePass
 from ..targets import Target, Targets
-from .geometry import GeometryPainter, SceneLook
+from .geometry import NO_DEPTH, GeometryPainter, SceneLook
 
-NO_BOTTOM = 1e5
+NO_BOTTOM = NO_DEPTH
 """m: the depth where nothing was drawn: water without a bottom."""
 
 
@@ -23,8 +23,10 @@ def refraction_target(targets: Targets, body: int, size: int) -> Target:
     return targets.get(("refraction", body), (size, size), ("RGBA16F", "R32F"), filtered=(True, False))
 
 
-def reflection_target(targets: Targets, body: int, size: int) -> Target:
-    """colors: premultiplied radiance, filtered."""
+def reflection_target(targets: Targets, body: int, size: int, *, linear_depth: bool = False) -> Target:
+    """colors: premultiplied radiance, filtered; with linear_depth as the refraction's."""
+    if linear_depth:
+        return targets.get(("reflection", body), (size, size), ("RGBA16F", "R32F"), filtered=(True, False))
     return targets.get(("reflection", body), (size, size), ("RGBA16F",), filtered=(True,))
 
 
@@ -76,11 +78,14 @@ def draw_reflection(
     Solids are not culled here: where the water line cuts one open, its inside is marked with
     alpha 0, so that the water does not look through it at the sky behind.
     """
+    linear_depth = len(target.colors) > 1
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         with drawn_region(planned.region, target.size):
-            painter.draw_scene(look, view, side=planned, water=water, mark_insides=True)
-            painter.draw_sky(look.lights, view)
+            painter.draw_scene(
+                look, view, side=planned, water=water, mark_insides=True, linear_depth=linear_depth
+            )
+            painter.draw_sky(look.lights, view, linear_depth=linear_depth)
 
 
 def draw_reflection_from_below(
@@ -96,6 +101,24 @@ def draw_reflection_from_below(
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
         with drawn_region(planned.region, target.size):
             painter.draw_scene(look, view, side=planned, water=water)
+
+
+def draw_whole_refraction(
+    painter: GeometryPainter,
+    planned: TexturePass,
+    target: Target,
+    in_air: SceneLook,
+    in_water: SceneLook,
+    view: GPUUniformBuf,
+) -> None:
+    """All of the scene as it is without the water's surface, and the sky."""
+    with target.framebuffer.bind():
+        target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+        with drawn_region(planned.region, target.size):
+            painter.draw_scene_in_water(
+                in_air, in_water, view, planned.clear_height, planned.clip_height, linear_depth=True
+            )
+            painter.draw_sky(in_air.lights, view, linear_depth=True)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import numpy as np
 from gpu.types import GPUBatch, GPUShader, GPUTexture, GPUUniformBuf
 
 from ...core.plan import BodyPlan, rebase
+from ...core.techniques import TECHNIQUES
 from ..resources import Resources
 from ..scene_buffers import SceneBuffers
 from ..shader_library import ShaderLibrary, ShaderSpec
@@ -58,12 +59,13 @@ class NearSide:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceLook:
-    """How the surface is drawn. technique: from the air; view_transform: table and range of
-    `core/view_transform.py`, to draw in display colours; near_side: where the picture may begin in this body;
-    from_below: seen from the water, exact: by the exact equations.
+    """How the surface is drawn. technique: from the air; own: block of the settings that only it has;
+    view_transform: table and range of `core/view_transform.py`, to draw in display colours; near_side: where
+    the picture may begin in this body; from_below: seen from the water, exact: by the exact equations.
     """
 
     technique: str
+    own: GPUUniformBuf | None = None
     view_transform: ViewTransform | None = None
     near_side: NearSide | None = None
     from_below: bool = False
@@ -92,6 +94,11 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
             defines["EXACT"] = ""
     else:
         samplers.append(("FLOAT_2D", "refraction_depth"))
+        chosen = TECHNIQUES[look.technique]
+        if chosen.reflection_depth:
+            samplers.append(("FLOAT_2D", "reflection_depth"))
+        if chosen.settings is not None:
+            uniform_buffers.append(("Technique", "technique"))
     if look.split:
         defines["SPLIT"] = ""
         samplers.append(("FLOAT_2D", "surface_heights"))
@@ -145,6 +152,11 @@ class WaterPainter:
             shader.uniform_sampler("reflection_color", reflection.colors[0])
             if not look.from_below:
                 shader.uniform_sampler("refraction_depth", refraction.colors[1])
+                chosen = TECHNIQUES[look.technique]
+                if chosen.reflection_depth:
+                    shader.uniform_sampler("reflection_depth", reflection.colors[1])
+                if chosen.settings is not None:
+                    shader.uniform_block("technique", look.own)
             if look.split:
                 shader.uniform_block("near_plane", look.near_side.near_plane)
                 shader.uniform_sampler("surface_heights", look.near_side.heights)
