@@ -16,6 +16,7 @@ from ..core.under_water import Side, meniscus_width
 from . import uniforms
 from .passes import light, textures
 from .passes.accumulate import SampleMean
+from .passes.caustics import CausticsPainter
 from .passes.fog import FogPainter, heights_target
 from .passes.geometry import GeometryPainter, SceneLook, SunInWater
 from .passes.glow import GlowPainter
@@ -59,6 +60,7 @@ class FrameRenderer:
         self._geometry = GeometryPainter(self.resources, self.library, self.scene)
         self._water = WaterPainter(self.resources, self.library, self.scene)
         self._fog = FogPainter(self.resources, self.library)
+        self._caustics = CausticsPainter(self.resources, self.library, self.targets, self._water)
         self._glow = GlowPainter(self.resources, self.library, self.targets, self._water)
         self.mean = SampleMean(self.resources, self.library)
         self._blocks: dict[tuple, UniformBlock] = {}
@@ -78,7 +80,9 @@ class FrameRenderer:
             textures.free_targets(self.targets, gone)
             self.targets.discard(("surface heights", gone))
             light.free_targets(self.targets, gone)
-            self._drawn.pop(("light depth", gone), None)
+            self._caustics.free(gone)
+            for kind in ("light depth", "caustics"):
+                self._drawn.pop((kind, gone), None)
         self._bodies = bodies
         return self._block("lights").update(*uniforms.lights(plan))
 
@@ -123,12 +127,27 @@ class FrameRenderer:
     ) -> SunInWater:
         """What lights the things under the water of body `i`."""
         body = plan.bodies[i]
-        return SunInWater(
-            self._block("water", i).update(*uniforms.water(plan, body)),
-            self._block("water light", i).update(*uniforms.water_light(plan, body)),
-            self.draw_light_depth(i, plan, timer),
-            None,
-        )
+        water = self._block("water", i).update(*uniforms.water(plan, body))
+        water_light = self._block("water light", i).update(*uniforms.water_light(plan, body))
+        light_depth = self.draw_light_depth(i, plan, timer)
+        caustics = None
+        if light_depth is not None and plan.settings.use_caustics:
+            caustics = self._caustics.target(i, plan.settings.caustics_size)
+            # They move with the waves; the samples of one picture share them.
+            state = (
+                caustics,
+                body.light.camera.key,
+                tuple(camera.key for camera in plan.shadows),
+                plan.snapshot.version,
+                body.packed_waves.tobytes(),
+                plan.settings,
+            )
+            if self._is_new(("caustics", i), state):
+                lights = self._block("lights").buffer
+                self._caustics.draw(
+                    i, plan, body, lights, water, water_light, light_depth, shadow_depth, timer
+                )
+        return SunInWater(water, water_light, light_depth, caustics.colors[0] if caustics else None)
 
     def draw_textures(self, plan: FramePlan, timer: PassTimer) -> tuple[SceneLook, SceneLook | None]:
         """The textures of each water body that is in the picture, and those of the sun's light before.
