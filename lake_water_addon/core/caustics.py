@@ -57,8 +57,8 @@ MIN_SPREAD = 0.25
 MAX_SPREAD = 8.0
 """Texels: greatest half width, or twice the distance of the photons where that is more."""
 
-MIN_COVERAGE = 0.25
-"""Texels that get less of a calm surface's light than this are not scaled up any further."""
+MIN_COVERAGE = 0.5
+"""Least part of a texel that is covered by water, for what falls there to be scaled to all of it."""
 
 FINEST_COUNT = 2.0**24
 """Units of the counters in a value of 1, unless a single photon would fill the counter."""
@@ -313,12 +313,37 @@ def missing_light(dry: np.ndarray, size: int) -> np.ndarray:
     return parts @ dry @ parts.T
 
 
+def coverage(missing: np.ndarray, texel: np.ndarray, size: int, spacing: float) -> np.ndarray:
+    """(n,) sums that photons of light 1 give texels (n, 2) under a calm surface, less the missing (n,)."""
+    along_x, along_y = (border_coverage(texel[:, axis], size, spacing) for axis in (0, 1))
+    return along_x * along_y - missing
+
+
 def resolved(sums: np.ndarray, photons: int) -> np.ndarray:
-    """(size, size) the caustics from sums (size, size, 2) of light and of what is missing."""
+    """(size, size) the caustics from sums (size, size, 2) of light and of what is missing.
+
+    Light is scaled to the part of a texel that water covers. A texel that it hardly covers takes the mean of
+    those one photon away that it covers, if any: a filtered lookup at the shore finds no dark one.
+    """
     size = len(sums)
-    border = border_coverage(np.arange(size), size, size / photons)
-    covered = border[:, None] * border - sums[..., 1]
-    return sums[..., 0] / np.maximum(covered, MIN_COVERAGE)
+    spacing = size / photons
+    y, x = np.mgrid[:size, :size]
+    covered = coverage(sums[..., 1].ravel(), np.stack([x.ravel(), y.ravel()], axis=1), size, spacing)
+    covered = covered.reshape(size, size)
+    known = covered >= MIN_COVERAGE
+    light, weight = np.zeros((size, size)), np.zeros((size, size))
+    for dx, dy in neighbors(spacing):
+        at = np.clip(y + dy, 0, size - 1), np.clip(x + dx, 0, size - 1)
+        light += np.where(known[at], sums[at][..., 0], 0.0)
+        weight += np.where(known[at], covered[at], 0.0)
+    filled = light / np.where(weight > 0.0, weight, 1.0)
+    return np.where(known, sums[..., 0] / np.maximum(covered, MIN_COVERAGE), filled)
+
+
+def neighbors(spacing: float) -> list[tuple[int, int]]:
+    """Steps in texels to those one photon away."""
+    step = int(np.ceil(spacing))
+    return [(-step, 0), (step, 0), (0, -step), (0, step)]
 
 
 def counter_scale(spacing: float) -> float:

@@ -3,7 +3,7 @@
 
 #define MIN_SPREAD 0.25
 #define MAX_SPREAD 8.0
-#define MIN_COVERAGE 0.25
+#define MIN_COVERAGE 0.5
 
 // What one texel of the photon map adds to the caustics.
 struct Deposit {
@@ -51,9 +51,8 @@ float border_coverage(float texel, float size, float spacing)
   return 1.0 - spacing * (from_left + from_right);
 }
 
-// The caustics in a texel from its two sums.
-float resolved(float light, float missing, vec2 texel, float size, float spacing)
+// Sum that photons of light 1 give a texel under a calm surface, less what is missing of them.
+float coverage(float missing, vec2 texel, float size, float spacing)
 {
-  float whole = border_coverage(texel.x, size, spacing) * border_coverage(texel.y, size, spacing);
-  return light / max(whole - missing, MIN_COVERAGE);
+  return border_coverage(texel.x, size, spacing) * border_coverage(texel.y, size, spacing) - missing;
 }
