@@ -38,7 +38,7 @@ UNSUITABLE = (
 )
 UNSUITABLE_PANELS = frozenset({"DATA_PT_preview", "EEVEE_MATERIAL_PT_viewport_settings", "OBJECT_PT_shading"})
 
-LINE = 32  # characters that fit into the sidebar at its first width
+LINE = 35  # characters that fit into the sidebar at its first width
 
 
 class _Sidebar:
@@ -312,8 +312,9 @@ class VIEW3D_PT_lake_water_display(_SidebarOfScene, bpy.types.Panel):
         column.prop(settings, "show_statistics")
         if settings.show_statistics:
             lines = self.layout.column(align=True)
-            for line in handlers.statistics():
-                lines.label(text=line, translate=False)
+            for text in handlers.statistics():
+                for line in textwrap.wrap(text, LINE, subsequent_indent="    "):
+                    lines.label(text=line, translate=False)
 
 
 class _RenderSettings:
