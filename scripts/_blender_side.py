@@ -46,6 +46,10 @@ NEEDS = {
     "light_depth_size": ("use_shadows", "use_caustics"),
     **dict.fromkeys(("glow_strength", "glow_exponent", "glow_threshold"), ("use_glow",)),
 }
+VIEWS = ("above", "under", "dive")
+# Of the demonstration lake, in m: a turntable over its sunken floor, and a dive before that.
+UNDER_RADIUS, UNDER_HEIGHT, UNDER_LOOK_HEIGHT = 2.0, -0.8, -0.5
+DIVE_DISTANCE, DIVE_HEIGHT, DIVE_DEPTH, DIVE_TARGET_DEPTH = 4.5, 0.7, 1.2, 0.5
 DEMO_RESOLUTION = (960, 540)
 DEMO_FRAMES = 96
 
@@ -102,6 +106,10 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
     """Open or make the scene and put the options into it. Raises RenderProblem."""
     blend = Path(bpy.data.filepath) if bpy.data.filepath and options.scene is None else options.scene
     notes: list[str] = []
+    if options.view is not None and options.camera == "scene":
+        raise UsageProblem(
+            f"--view {options.view} moves the camera, and --camera scene does not: give one of them"
+        )
     if blend is None:
         lake = _demonstration_lake(package, options)
     else:
@@ -109,6 +117,8 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
             raise UsageProblem(
                 f"--seed and --detail make the demonstration lake: leave them away with {blend}"
             )
+        if options.view is not None:
+            raise UsageProblem(f"--view is for the demonstration lake: leave it away with {blend}")
         if options.scene is not None:
             open_file(options.scene)
         lake = None
@@ -130,7 +140,7 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
     _set_picture(scene, options, lake is not None, notes)
     job = Job(package, scene, water, frames, lake is not None, notes)
     if (options.camera or job.default_camera) == "turntable":
-        _set_turntable(job, lake)
+        _set_turntable(job, lake, options.view or VIEWS[0])
     elif scene.camera is None:
         raise UsageProblem(
             f'the scene "{scene.name}" has no camera: select one there and press Ctrl+Numpad 0, '
@@ -357,11 +367,40 @@ def _bounds(objects: Sequence[bpy.types.Object]) -> tuple[Vector, Vector]:
     return low, high
 
 
-def _set_turntable(job: Job, lake: Any) -> None:
-    """A camera that goes once round the lake, or round the scene's water, in the frames of the job."""
+def _set_turntable(job: Job, lake: Any, view: str) -> None:
+    """A camera that goes once round the lake, or round the scene's water, in the frames of the job.
+
+    view: of the lake, one of VIEWS.
+    """
     scene = job.scene
     frames = len(job.frames) * scene.frame_step  # the turn takes as long as the whole range
-    animate = part_of(job.package, "scenes").animate_turntable
+    scenes = part_of(job.package, "scenes")
+    animate = scenes.animate_turntable
+    if lake is not None and view != VIEWS[0]:
+        scene.view_layers[0].update()
+        level = job.water[0].matrix_world.translation.z  # as --water-level may have set it
+        if view == "dive":
+            stage, center = Vector(lake.stage), Vector(lake.center[:2])
+            scenes.animate_dive(
+                scene,
+                lake.camera,
+                place=(*stage + DIVE_DISTANCE * (center - stage).normalized(), level),
+                target=(*lake.stage, level - DIVE_TARGET_DEPTH),
+                height=DIVE_HEIGHT,
+                depth=DIVE_DEPTH,
+                frames=frames,
+            )
+            return
+        animate(
+            scene,
+            lake.camera,
+            center=(*lake.stage, level),
+            radius=UNDER_RADIUS,
+            height=UNDER_HEIGHT,
+            look_height=UNDER_LOOK_HEIGHT,
+            frames=frames,
+        )
+        return
     if lake is not None:
         animate(
             scene,
@@ -407,6 +446,8 @@ def resolved_settings(job: Job, options: Namespace) -> dict[str, Any]:
         for name in ("seed", "detail"):
             given = getattr(options, name)
             settings[name] = limits[name].default if given is None else given
+        if settings["camera"] == "turntable":
+            settings["view"] = options.view or VIEWS[0]
     if settings["camera"] == "turntable":
         settings["frames"] = len(job.frames)  # the camera's speed follows from it
     for name in SCENE_SETTINGS:

@@ -224,6 +224,12 @@ def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParse
 
     group = parser.add_argument_group("demonstration lake")
     add = group.add_argument
+    add(
+        "--view",
+        choices=("above", "under", "dive"),
+        help="round the lake, round its sunken floor under water, or down through the waves and up again "
+        "(default: above)",
+    )
     add("--seed", type=int, metavar="N", help="another number gives another lake")
     add("--detail", type=number, metavar="D", help="1 is full detail (about 131,000 vertices)")
     return parser

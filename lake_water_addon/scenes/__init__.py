@@ -11,6 +11,6 @@ from __future__ import annotations
 
 from .lake import THESIS_VERTICES, LakeScene, build_lake
 from .placing import place_obj
-from .turntable import animate_turntable
+from .turntable import animate_dive, animate_turntable
 
-__all__ = ["THESIS_VERTICES", "LakeScene", "animate_turntable", "build_lake", "place_obj"]
+__all__ = ["THESIS_VERTICES", "LakeScene", "animate_dive", "animate_turntable", "build_lake", "place_obj"]

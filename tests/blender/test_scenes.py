@@ -234,6 +234,61 @@ def test_turntable_refuses_what_cannot_be(blender: ModuleType, arguments: dict) 
         animate_turntable(blender.context.scene, camera, center=(0, 0, 0), height=5.0, **arguments)
 
 
+def test_views_under_water_keep_off_the_ground(blender: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The render script's own, for several lakes: in the water, and 0.3 m or more over its ground."""
+    from lake_water_addon.scenes.terrain import LakeTerrain
+
+    monkeypatch.syspath_prepend(str(Path(__file__).resolve().parents[2] / "scripts"))
+    import _blender_side as script
+
+    angle = np.linspace(0.0, 2.0 * np.pi, 60)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    for seed in range(1, 9):
+        terrain = LakeTerrain(seed)
+        stage = np.array(terrain.terrace.floor_center, dtype=float)
+        orbit = stage + script.UNDER_RADIUS * circle
+        assert terrain.height(orbit).max() < script.UNDER_HEIGHT - 0.3
+        dive = stage - script.DIVE_DISTANCE * stage / np.linalg.norm(stage)
+        assert float(terrain.height(dive)) < -script.DIVE_DEPTH - 0.3
+
+
+def test_dive_goes_down_and_up_again_and_keeps_its_target(blender: ModuleType) -> None:
+    from lake_water_addon.scenes import animate_dive
+
+    scene = blender.context.scene
+    camera = blender.data.objects.new("Camera", blender.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    camera.keyframe_insert("rotation_euler", frame=1)
+    scene.frame_start = 3
+    place, target, frames = (2.0, -3.0, 1.5), (5.0, 4.0, 1.0), 20
+    for _ in range(2):
+        animate_dive(scene, camera, place=place, target=target, height=0.7, depth=1.1, frames=frames)
+    assert (scene.frame_start, scene.frame_end) == (3, 22)
+    heights = []
+    for frame in range(3, 3 + frames + 1):
+        scene.frame_set(frame)
+        world = np.array(camera.matrix_world)
+        np.testing.assert_allclose(world[:2, 3], place[:2], atol=1e-5)
+        ahead = np.array(target) - world[:3, 3]
+        np.testing.assert_allclose(-world[:3, 2], ahead / np.linalg.norm(ahead), atol=1e-4)
+        assert world[2, 1] > 0.0 and abs(world[2, 0]) < 1e-5, "the camera is upright"
+        heights.append(world[2, 3] - place[2])
+    assert heights[0] == pytest.approx(0.7, abs=1e-5) and heights[10] == pytest.approx(-1.1, abs=1e-5)
+    np.testing.assert_allclose(heights, heights[::-1], atol=1e-5)
+    assert np.all(np.diff(heights[:11]) < 0.0)
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"frames": 0, "target": (5, 0, 0)}, {"frames": 9, "target": (1, 2, -4)}]
+)
+def test_dive_refuses_what_cannot_be(blender: ModuleType, arguments: dict) -> None:
+    from lake_water_addon.scenes import animate_dive
+
+    camera = blender.data.objects.new("Camera", blender.data.cameras.new("Camera"))
+    with pytest.raises(ValueError, match="dive"):
+        animate_dive(blender.context.scene, camera, place=(1, 2, 0), height=1.0, depth=1.0, **arguments)
+
+
 PYRAMID = """
 v 0 0 0
 v 2 0 0
