@@ -129,7 +129,7 @@ def pixels(bpy: ModuleType, path: Path) -> np.ndarray:
         ("--output x --photon-size 0", r"--photon-size: 0 is too small"),
         (
             "--output x --view sideways",
-            r"--view: invalid choice: 'sideways' \(choose from above, under, dive",
+            r"--view: invalid choice: 'sideways' .*dive",
         ),
         ("--output x --glow-strength inf", r"--glow-strength: inf is not a finite number"),
         ("--output x.mov", r"\.mov is not written; give FILE\.mp4"),
