@@ -96,6 +96,7 @@ def undress(obj: bpy.types.Object) -> None:
     set_waves(obj, wanted=False)
     modifier = modifier_of(obj)
     if modifier is not None:
+        input_of(modifier, "Material").value = None  # Blender does not release it with the modifier
         obj.modifiers.remove(modifier)
     obj.visible_raycast = True
     worn = material_of(obj)

@@ -148,22 +148,17 @@ def _build_lake_water(t: Tree) -> None:
     bent_left = bent["Is Hit"] * t.math("EXPONENT", -(k * bent["Hit Distance"]))
     unbent_left = unbent["Is Hit"] * t.math("EXPONENT", -(k * unbent["Hit Distance"]))
     left_below = t.math("EXPONENT", -(k * t.node("ShaderNodeCameraData")["View Distance"]))
-    left = _choose(t, below, bent_left, left_below)
-    left_unbent = unbent_left * (1.0 - t.math("MAXIMUM", bent["Is Hit"], below))
+    bends = t.math("MAXIMUM", bent["Is Hit"], below)
+    left = _choose(t, below, _choose(t, bends, unbent_left, bent_left), left_below)
     part_refracted = (1.0 - reflected) * left
-    part_unbent = (1.0 - reflected) * left_unbent
     part_reflected = reflected * _choose(t, below, 1.0, left)
-    part_water = (1.0 - left - left_unbent) * _choose(t, below, 1.0 - reflected, 1.0)
-    refraction = t.node("ShaderNodeBsdfRefraction", t.combine(part_refracted, part_refracted, part_refracted))
-    refraction.plug(None, 0.0, ior, normal)
-    reflection = t.node(
-        "ShaderNodeBsdfGlossy", t.combine(part_reflected, part_reflected, part_reflected), 0.0
-    )
+    part_water = (1.0 - left) * _choose(t, below, 1.0 - reflected, 1.0)
+    refraction = t.node("ShaderNodeBsdfRefraction", _gray(t, part_refracted), 0.0)
+    refraction.plug(None, None, _choose(t, bends, 1.0, ior), normal)
+    reflection = t.node("ShaderNodeBsdfGlossy", _gray(t, part_reflected), 0.0)
     t.plug(reflection.made.inputs["Normal"], normal)
     glow = t.node("ShaderNodeEmission", color, part_water)
-    straight_on = t.node("ShaderNodeBsdfTransparent", _gray(t, part_unbent))
     drawn = _add(t, _add(t, refraction["BSDF"], reflection["BSDF"]), glow["Emission"])
-    drawn = _add(t, drawn, straight_on["BSDF"])
     # Its shadow maps know no partial shadow without noise, and no distance: all light passes.
     clear_shadow = t.node("ShaderNodeBsdfTransparent", (1.0, 1.0, 1.0))
     eevee = _mix(t, path["Is Shadow Ray"], drawn, clear_shadow["BSDF"])

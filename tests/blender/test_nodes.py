@@ -312,7 +312,7 @@ def test_made_and_turned_off_cleanly() -> None:
     assert [slot.material for slot in obj.material_slots] == [own, worn]
     assert [m.name for m in obj.modifiers] == [carry.MODIFIER]
     mesh = evaluated(obj).data
-    assert {mesh.materials[polygon.material_index].original for polygon in mesh.polygons} == {worn}
+    assert {mesh.materials[polygon.material_index].name for polygon in mesh.polygons} == {worn.name}
     assert not obj.visible_raycast
     water_objects.remove_water(obj)
     assert [slot.material for slot in obj.material_slots] == [own]
