@@ -193,13 +193,7 @@ class CausticsPainter:
     def sum_photons(self, photons: Target, target: Target, method: str) -> None:
         """The caustics of a photon map into `target`. method: as `ChosenMethod` has it."""
         texels = target.size[0]
-        scale = caustics.counter_scale(texels / photons.size[0])
-        if method == "GPU_COMPUTE":
-            sums = self._count(photons, texels, scale)
-        elif method == "GPU_POINTS":
-            sums = self._draw_points(photons, texels)
-        else:
-            sums = self._add_on_processor(photons, texels)
+        sums = self.light_sums(photons, texels, method)
         spec, defines = resolve_spec(counters=method == "GPU_COMPUTE")
         shader = self._library.get(spec, defines)
         with target.framebuffer.bind(), opaque_state():
@@ -209,11 +203,21 @@ class CausticsPainter:
             shader.uniform_sampler(spec.samplers[0][1], sums)
             shader.uniform_float("photons", photons.size[0])
             if method == "GPU_COMPUTE":
-                shader.uniform_float("counter_scale", scale)
+                shader.uniform_float("counter_scale", caustics.counter_scale(texels / photons.size[0]))
             self._resources.covering_triangle().draw(shader)
 
-    def _count(self, photons: Target, texels: int, scale: float) -> GPUTexture:
-        """Sums in integers, three a texel: see the shader."""
+    def light_sums(self, photons: Target, texels: int, method: str) -> GPUTexture:
+        """Sums of a photon map's light and of what is missing: (texels, texels) of two floats.
+
+        GPU_COMPUTE: integers, three such squares one above the other, as its shader says.
+        """
+        if method == "GPU_COMPUTE":
+            return self._count(photons, texels)
+        if method == "GPU_POINTS":
+            return self._draw_points(photons, texels)
+        return self._add_on_processor(photons, texels)
+
+    def _count(self, photons: Target, texels: int) -> GPUTexture:
         counters = self._targets.get(("caustics counters",), (texels, 3 * texels), ("R32UI",), depth=False)
         counters.colors[0].clear(format="UINT", value=(0,))
         shader = self._library.get(SUM)
@@ -221,7 +225,7 @@ class CausticsPainter:
         shader.uniform_sampler("photon_map", photons.colors[0])
         shader.uniform_sampler("spread_map", photons.colors[1])
         shader.image("counters", counters.colors[0])
-        shader.uniform_float("counter_scale", scale)
+        shader.uniform_float("counter_scale", caustics.counter_scale(texels / photons.size[0]))
         groups = -(-photons.size[0] // GROUP)
         gpu.compute.dispatch(shader, groups, groups, 1)
         return counters.colors[0]

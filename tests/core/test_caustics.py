@@ -1,0 +1,354 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Photons and their sums: against rays followed one by one, finite differences, and sums in plain loops."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lake_water_addon.core import caustics, light, optics, waves
+from lake_water_addon.core.light import LightCamera
+from lake_water_addon.core.waves import SineWave
+
+N12 = 1.0 / 1.333
+LAKE = (
+    SineWave(0.026, 3.65, 0.80, 3.6),
+    SineWave(0.020, 2.83, 1.24, 0.1),
+    SineWave(0.012, 1.69, -0.99, 1.8),
+    SineWave(0.007, 0.99, 1.69, 4.8),
+    SineWave(0.003, 0.44, -1.44, 0.9),
+)
+SUNS = {
+    "above": (0.0, 0.0, 1.0),
+    "oblique": (0.5, -0.3, 0.8),
+    "low": (-0.9, 0.3, 0.35),
+    "grazing": (1.0, 0.2, 1e-3),
+}
+every_sun = pytest.mark.parametrize("sun", SUNS.values(), ids=SUNS)
+RESOLUTIONS = ((96, 64), (64, 96), (100, 256), (256, 100), (128, 128), (30, 200), (200, 10))
+
+
+def unit(vector):
+    return np.asarray(vector, float) / np.linalg.norm(vector)
+
+
+def window(sun, size=8.0, resolution=64):
+    """The camera along sunlight in the water whose window is `size` m wide and centred below the origin."""
+    direction = light.sunlight_in_water(unit(sun), N12)
+    view = np.eye(4)
+    view[:3, :3] = light.light_axes(direction)
+    projection = np.diag([2.0 / size, 2.0 / size, -1.0 / 100.0, 1.0])
+    return LightCamera(direction, view, projection, resolution, np.full(2, size / resolution))
+
+
+def on_plane(camera, uv, depth, slope=(0.0, 0.0)):
+    """Points (n, 3) of the plane z = -depth + slope . xy that the camera sees at uv (n, 2)."""
+    at = np.concatenate([(2 * uv - 1) / np.diag(camera.projection)[:2], np.zeros((len(uv), 1))], axis=1)
+    start, normal = at @ camera.view[:3, :3], np.array([-slope[0], -slope[1], 1.0])
+    along = (-depth - start @ normal) / (camera.direction @ normal)
+    return start + along[:, None] * camera.direction
+
+
+def lattice(count):
+    """uv (count^2, 2) of the middles of a texture's texels."""
+    line = (np.arange(count) + 0.5) / count
+    return np.stack([a.ravel() for a in np.meshgrid(line, line)], axis=1)
+
+
+def scene(sun=SUNS["oblique"], depth=3.0, slope=(0.0, 0.0), of=LAKE, photons=64, steps=1, **changes):
+    camera = window(sun)
+    bottom = on_plane(camera, lattice(camera.resolution), depth, slope)
+    distances = -(bottom @ camera.view[2, :3]).reshape(camera.resolution, -1)
+    made = caustics.PhotonScene(
+        unit(sun), camera, distances, np.zeros(3), waves.pack(of, 0.7, 5.0), 0.5, 5.0, N12, photons, steps
+    )
+    return replace(made, **changes)
+
+
+def launched(of, uv=None, error=0.0):
+    """Points of the surface on the sun's rays of photons, and where those are launched: (WaterPoint, uv).
+
+    error: m, how far the mesh that the search begins with may be from the waves.
+    """
+    uv = lattice(of.photons) if uv is None else uv
+    run = caustics.sun_run(of.sun_direction)
+    wave = np.random.default_rng(1).uniform(-error, error, len(uv))
+    point = on_plane(of.camera, uv, 0.0) + wave[:, None] * run
+    level = np.zeros((len(uv), 2))
+    return caustics.on_waves(point, wave, level, of.origin, of.packed_waves, run), uv
+
+
+def photons_of(found, uv, of):
+    """Photons on a surface whose mesh is level."""
+    return caustics.photon(found, np.zeros((len(uv), 2, 2)), uv, of)
+
+
+@pytest.mark.parametrize(
+    ("sun", "height", "slope"), [("above", 1e-9, 1e-9), ("oblique", 1e-3, 0.01), ("low", 0.01, 0.1)]
+)
+def test_the_surface_is_found_from_a_coarse_grid(sun, height, slope):
+    """On the ray, and on the waves to `height` m, though the grid's edges are further apart than a wave."""
+    of = scene(SUNS[sun])
+    found, uv = launched(of, error=0.04)
+    from_start = found.position - on_plane(of.camera, uv, 0.0)
+    run = caustics.sun_run(of.sun_direction)
+    np.testing.assert_allclose(from_start, from_start[:, 2:] * run, atol=1e-12)
+    apart = np.abs(found.position[:, 2] - waves.height(of.packed_waves, found.position[:, :2]))
+    turned = np.abs(found.slope - waves.slope(of.packed_waves, found.position[:, :2]))
+    assert apart.max() < height and turned.max() < slope, (apart.max(), turned.max())
+    assert np.median(apart) < 0.1 * height and np.median(turned) < 0.1 * slope
+
+
+def test_derivatives_of_the_waves():
+    """Against central differences of 1 mm."""
+    packed = waves.pack(LAKE, 0.3, 5.0)
+    xy = np.random.default_rng(2).uniform(-20, 20, (200, 2))
+    at = caustics.waves_at(packed, xy)
+    np.testing.assert_allclose(at.height, waves.height(packed, xy), atol=1e-12)
+    np.testing.assert_allclose(at.slope, waves.slope(packed, xy), atol=1e-12)
+    for axis in (0, 1):
+        step = 1e-3 * np.eye(2)[axis]
+        change = (waves.slope(packed, xy + step) - waves.slope(packed, xy - step)) / 2e-3
+        turn = caustics.bend(at.curvature, np.broadcast_to(step, xy.shape)) / 1e-3
+        np.testing.assert_allclose(turn, change, atol=1e-4)
+
+
+@every_sun
+def test_launching_places_are_a_texel_apart_on_the_plane(sun):
+    of = scene(sun)
+    uv = np.full((1, 2), 0.3)
+    for axis in (0, 1):
+        step = caustics.launch_step(of.camera, axis, of.photons)
+        moved = on_plane(of.camera, uv + np.eye(2)[axis] / of.photons, 0.0)
+        np.testing.assert_allclose(moved - on_plane(of.camera, uv, 0.0), step[None], atol=1e-12)
+
+
+@pytest.mark.parametrize("sun", [SUNS["above"], SUNS["oblique"], SUNS["low"]])
+def test_spread_is_the_derivative_of_the_ray(sun):
+    """At a given length, against rays 1/100 of a photon's distance to either side: 1 % of that distance.
+
+    Those begin on the waves, found with ten times the steps that the search takes.
+    """
+    of = scene(sun, of=LAKE[:3])
+    run = caustics.sun_run(of.sun_direction)
+    uv = lattice(of.photons)
+    way = np.random.default_rng(5).uniform(0.0, 6.0, len(uv))
+
+    def on_surface(at):
+        start, height = on_plane(of.camera, at, 0.0), np.zeros(len(at))
+        for _ in range(60):
+            height = waves.height(of.packed_waves, (start + height[:, None] * run)[:, :2])
+        return start + height[:, None] * run
+
+    def end_of_ray(at):
+        position = on_surface(at)
+        normal = waves.normal(of.packed_waves, position[:, :2])
+        incident = np.broadcast_to(-of.sun_direction, normal.shape)
+        return position + way[:, None] * optics.refract_direction(incident, normal, N12)[0]
+
+    position = on_surface(uv)
+    waves_there = caustics.waves_at(of.packed_waves, position[:, :2])
+    point = caustics.WaterPoint(position, waves_there.slope, waves_there.curvature)
+    for axis in (0, 1):
+        step = caustics.launch_step(of.camera, axis, of.photons)
+        spread = caustics.ray_spread(point, np.zeros((len(uv), 2)), way, step, of)
+        aside = 0.01 * np.eye(2)[axis] / of.photons
+        want = (end_of_ray(uv + aside) - end_of_ray(uv - aside)) / 0.02
+        np.testing.assert_allclose(spread + step, want, atol=0.01 * np.linalg.norm(step))
+        assert np.ptp(spread) > 0.3 * np.linalg.norm(step)
+
+
+def test_spread_of_a_mesh_is_that_of_its_slope():
+    """A mesh shaped like a wave, with no waves of its own, gives what the wave gives."""
+    of = scene(of=LAKE[:1])
+    found, uv = launched(of)
+    waved = photons_of(found, uv, of)
+    turn = np.empty((len(uv), 2, 2))
+    for axis in (0, 1):
+        step = caustics.launch_step(of.camera, axis, of.photons)
+        run = caustics.sun_run(of.sun_direction)
+        rise = found.slope @ step[:2] / (1.0 - found.slope @ run[:2])
+        turn[:, axis] = caustics.bend(found.curvature, step[:2] + rise[:, None] * run[:2])
+    level = replace(of, packed_waves=np.zeros((0, 4)))
+    meshed = caustics.photon(found._replace(curvature=np.zeros((len(uv), 3))), turn, uv, level)
+    for part in ("landing", "spread", "light"):
+        np.testing.assert_allclose(getattr(meshed, part), getattr(waved, part), rtol=1e-9)
+
+
+def test_no_edge_of_the_bottom_disturbs_the_spread():
+    """A step in the bottom, 2 m high, between two photons."""
+    of = scene(SUNS["above"], of=LAKE[:2])
+    step = np.where(lattice(64)[:, 0] < 0.5, 0.0, 2.0).reshape(64, 64)
+    found, uv = launched(of)
+    photon = photons_of(found, uv, replace(of, depth=of.depth + step))
+    assert photon.spread.max() < 3.0 / of.photons
+
+
+@pytest.mark.parametrize("slope", [(0.0, 0.0), (0.2, -0.1)])
+@every_sun
+def test_calm_water_lets_light_straight_through(sun, slope):
+    """Every photon lands where it is launched, spread by one photon's distance, with (1 - F) exp(-k d)."""
+    of = scene(sun, 3.0, slope, ())
+    found, uv = launched(of)
+    photon = photons_of(found, uv, of)
+    np.testing.assert_allclose(photon.landing, uv, atol=1e-9)
+    np.testing.assert_allclose(photon.spread, 1.0 / of.photons, rtol=1e-9)
+    way = np.linalg.norm(on_plane(of.camera, uv, 3.0, slope) - on_plane(of.camera, uv, 0.0), axis=1)
+    fresnel = optics.schlick(of.sun_direction[2], optics.reflectance_at_normal(N12), 5.0)
+    np.testing.assert_allclose(photon.light, (1.0 - fresnel) * np.exp(-0.5 * way), rtol=1e-9)
+    assert photon.wet.all() and photon.landed.all()
+
+
+@pytest.mark.parametrize(("steps", "bound"), [(1, 0.02), (4, 2e-3)])
+def test_photons_land_where_their_rays_meet_the_bottom(steps, bound):
+    """Over a slope: the ray's own intersection with the plane; bound in m."""
+    of = scene(slope=(0.3, 0.1), steps=steps)
+    found, uv = launched(of)
+    photon = photons_of(found, uv, of)
+    normal = np.concatenate([-found.slope, np.ones((len(uv), 1))], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    ray, _ = optics.refract_direction(np.broadcast_to(-of.sun_direction, normal.shape), normal, N12)
+    plane = np.array([-0.3, -0.1, 1.0])
+    hit = found.position + ((-3.0 - found.position @ plane) / (ray @ plane))[:, None] * ray
+    landing = 0.5 + 0.5 * (hit @ of.camera.view[:2, :3].T) * np.diag(of.camera.projection)[:2]
+    apart = np.linalg.norm(photon.landing - landing, axis=1) * 8.0
+    assert apart.max() < bound and np.linalg.norm(landing - uv, axis=1).max() * 8.0 > 0.1
+
+
+def test_photons_that_miss_are_dropped_and_dry_ground_is_told_from_water():
+    of = scene(SUNS["above"], 0.2, (0.0, 0.2), ())
+    found, uv = launched(of)
+    photon = photons_of(found, uv, of)
+    below = on_plane(of.camera, uv, 0.2, (0.0, 0.2))[:, 2]
+    np.testing.assert_array_equal(photon.wet, below <= 0.0)
+    np.testing.assert_array_equal(photon.landed, photon.wet)
+    aside = photons_of(found, uv + np.array([0.3, 0.0]), of)
+    np.testing.assert_array_equal(aside.wet, photon.wet)
+    np.testing.assert_array_equal(aside.landed, photon.wet & (uv[:, 0] + 0.3 < 1.0))
+    nothing = photons_of(found, uv, replace(of, depth=np.full((64, 64), 1e5)))
+    assert not nothing.wet.any() and not nothing.landed.any()
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 1.0, 10.0])
+@every_sun
+def test_steep_waves_give_finite_photons(sun, amplitude):
+    of = scene(sun, of=(SineWave(amplitude, 1.0, 0.3), SineWave(amplitude, 0.3, 2.0)), steps=3)
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        found, uv = launched(of)
+        photon = photons_of(found, uv, of)
+    assert all(np.isfinite(part).all() for part in (*found, *photon))
+    assert np.all((photon.light >= 0.0) & (photon.light <= 1.0))
+
+
+def test_bottom_is_exact_for_planes_and_keeps_its_edges():
+    camera = window(SUNS["low"])
+    uv = np.random.default_rng(3).uniform(0, 1, (500, 2))
+    plane = scene(SUNS["low"], slope=(0.2, 0.3)).depth
+    want = -(on_plane(camera, uv, 3.0, (0.2, 0.3)) @ camera.view[2, :3])
+    np.testing.assert_allclose(caustics.bottom_depth(plane, uv, 0.125), want, rtol=1e-12)
+    edge = np.where(lattice(64)[:, 1] < 0.5, 2.0, 5.0).reshape(64, 64)
+    assert set(caustics.bottom_depth(edge, uv, 0.125)) == {2.0, 5.0}
+
+
+def loops(photon_map, spread_map, size):
+    """`sum_photons` as its definition has it, texel by texel in float64."""
+    photons = len(photon_map)
+    spacing = size / photons
+    sums = np.zeros((size, size, 2))
+    for y, x in itertools.product(range(photons), repeat=2):
+        u, v, amount, landed = photon_map[y, x].astype(float)
+        spread = spread_map[y, x].astype(float)
+        if spread[0] <= 0.0:
+            center, half, channel, amount = np.array([x + 0.5, y + 0.5]) * spacing, [spacing] * 2, 1, 1.0
+        elif landed > 0.5:
+            half = np.clip(spread * size, min(0.25, spacing), max(8.0, 2.0 * spacing))
+            center, channel = np.array([u, v]) * size, 0
+        else:
+            continue
+        parts = []
+        for axis in (0, 1):
+            z = np.clip((np.arange(size + 1) - center[axis]) / half[axis], -1.0, 1.0)
+            before = np.where(z < 0.0, 0.5 * (1.0 + z) ** 2, 1.0 - 0.5 * (1.0 - z) ** 2)
+            parts.append(np.diff(before))
+        sums[..., channel] += amount * spacing**2 * parts[1][:, None] * parts[0]
+    return sums
+
+
+def random_maps(photons, seed=4):
+    """Photons all over the window and at its very border, of all widths; some lost, some dry, some dark."""
+    rng = np.random.default_rng(seed)
+    found = rng.uniform(0, 1, (photons, photons, 4)).astype(np.float32)
+    found[:2, :, :2] = rng.choice([0.0, 1e-6, 0.5, 1.0 - 1e-6], (2, photons, 2))
+    found[..., 3] = rng.random((photons, photons)) < 0.8
+    found[5, :, 2] = 0.0
+    spread = (rng.uniform(0, 1, (photons, photons, 2)) ** 4).astype(np.float32)
+    spread[rng.random((photons, photons)) < 0.15] = 0.0
+    return found, spread
+
+
+@pytest.mark.parametrize("chunk", [100, caustics.CHUNK])
+@pytest.mark.parametrize(("photons", "texels"), [(24, 16), (16, 40), (20, 20), (12, 90)])
+def test_sum_is_that_of_plain_loops(photons, texels, chunk, monkeypatch):
+    monkeypatch.setattr(caustics, "CHUNK", chunk)
+    maps = random_maps(photons)
+    np.testing.assert_allclose(
+        caustics.sum_photons(*maps, texels), loops(*maps, texels), atol=2e-5, rtol=2e-5
+    )
+
+
+@pytest.mark.parametrize("photons", [1, 7])
+def test_sum_of_no_photons_is_dark(photons):
+    nothing = np.zeros((photons, photons, 4), np.float32), np.full((photons, photons, 2), 0.1, np.float32)
+    assert not caustics.sum_photons(*nothing, 10).any()
+
+
+def calm_maps(photons, light=0.7):
+    """Photons that land where they are launched."""
+    found = np.ones((photons, photons, 4), np.float32)
+    found[..., :2] = lattice(photons).reshape(photons, photons, 2)
+    found[..., 2] = light
+    return found, np.full((photons, photons, 2), 1.0 / photons, np.float32)
+
+
+@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
+def test_calm_water_gives_its_light_in_every_texel(photons, texels):
+    """Whatever the resolutions, to the border: single precision knows a place to 1e-5 of a texel."""
+    value = caustics.resolved(caustics.sum_photons(*calm_maps(photons), texels).astype(float), photons)
+    np.testing.assert_allclose(value, 0.7, rtol=2e-5)
+
+
+@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
+def test_calm_water_gives_its_light_up_to_the_shore(photons, texels):
+    """And one photon beyond it, for the filter; there is none further away."""
+    found, spread = calm_maps(photons)
+    shore = 0.43 + 0.2 * np.sin(7.0 * found[..., 0])
+    spread[found[..., 1] < shore] = 0.0
+    value = caustics.resolved(caustics.sum_photons(found, spread, texels).astype(float), photons)
+    lit = value > 0.0
+    np.testing.assert_allclose(value[lit], 0.7, rtol=1e-4)
+    x, y = lattice(texels).T.reshape(2, texels, texels)
+    shore = 0.43 + 0.2 * np.sin(7.0 * x)
+    pixel = 1.0 / min(photons, texels)
+    assert lit[y > shore + 0.5 * pixel].all() and not lit[y < shore - 2.5 * pixel].any()
+
+
+@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
+def test_all_light_is_on_the_bottom_or_dropped(photons, texels):
+    found, spread = random_maps(photons)
+    sums = caustics.sum_photons(found, spread, texels).astype(float)
+    index = np.stack([np.arange(photons**2) % photons, np.arange(photons**2) // photons], axis=1)
+    given = caustics.deposit(found.reshape(-1, 4), spread.reshape(-1, 2), index, texels, texels / photons)
+    for channel, amounts in enumerate((given.light, given.missing)):
+        inside = np.ones(photons**2)
+        for axis in (0, 1):
+            center, half = given.center[:, axis].astype(float), given.half_width[:, axis].astype(float)
+            inside *= caustics.tent_before((texels - center) / half) - caustics.tent_before(-center / half)
+        assert sums[..., channel].sum() == pytest.approx(np.sum(amounts * inside), rel=1e-5)
+
+
+@pytest.mark.parametrize("spacing", [1e-3, 0.1, 1.0, 5.3, 16.0, 300.0, 4096.0])
+def test_no_photon_overflows_a_counter(spacing):
+    scale = caustics.counter_scale(spacing)
+    assert spacing**2 * scale <= 2.0**31 and scale <= caustics.FINEST_COUNT
+    assert np.log2(scale) == np.round(np.log2(scale))
