@@ -157,6 +157,23 @@ def turning_ray(view: np.ndarray, projection: np.ndarray) -> tuple[np.ndarray, n
     return best
 
 
+def apparent_depth(cosine: np.ndarray, n12: float) -> np.ndarray:
+    """Apparent over true depth below a flat surface, of what is seen at an angle of incidence with this
+    cosine: tan(refraction) / tan(incidence) = cosine / sqrt(1 / n12^2 - 1 + cosine^2); n12 straight down."""
+    return cosine / np.sqrt(1.0 / n12**2 - 1.0 + cosine**2)
+
+
+def flattened_view(view: np.ndarray, level: float, scale: float) -> np.ndarray:
+    """View in which heights over z = level are `scale` times as large: affine, no longer rigid.
+
+    With the apparent depth of an angle of incidence, each ray that meets the flat surface at this angle is
+    seen straight on where it was bent, whatever its azimuth.
+    """
+    flat = np.eye(4)
+    flat[2, 2], flat[2, 3] = scale, level * (1.0 - scale)
+    return view @ flat
+
+
 def refraction_view(view: np.ndarray, projection: np.ndarray, level: float, n12: float) -> np.ndarray:
     """View of the refraction camera: the camera turned about O by the angle between I and R.
 

@@ -51,6 +51,12 @@ LEAST_SEEN = 1.0 / 256.0
 SEARCH_OVERSHOOT = 1.5
 """How far beyond the lowest point of the bottom, as a part of the depth, the search may look on its way."""
 
+SIGHTS = 24
+"""Lines of sight along each side of the picture that are asked how deep the water appears."""
+
+LEAST_DIP = 0.02
+"""Least cosine of the angle of incidence that counts there: beyond, all is reflected."""
+
 SHORTEST_SEARCH = 1.0
 """m along the ray that it may look in any case, however shallow the water."""
 
@@ -342,6 +348,9 @@ def _plan_body(
     refraction_view = whole.view
     if technique.refraction is RefractionMap.TURNED:
         refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
+    elif technique.refraction is RefractionMap.APPARENT:
+        scale = _apparent_depth(steady, _rectangle(body, snapshot, at, 0.0), n12)
+        refraction_view = cameras.flattened_view(whole.view, level, scale)
     refraction_keep = 0 if technique.refraction is RefractionMap.WHOLE else +1
     sunken = extents.below(level + highest)
     refraction = TexturePass(
@@ -622,6 +631,27 @@ def _looked_up_region(
     """
     points = _seen_surface(body, snapshot, at, highest, camera)
     return WHOLE if points is None else _region_around(points, to_texture_clip, reach)
+
+
+def _apparent_depth(camera: Camera, rectangle: np.ndarray, n12: float) -> float:
+    """The mean apparent depth of the water that the picture shows in a rectangle (4, 3); n12 where none."""
+    line = np.linspace(-1.0, 1.0, SIGHTS)
+    ndc = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    ends = np.array([(x, y, z, 1.0) for z in (-1.0, 0.5) for x, y in ndc])
+    ends = ends @ np.linalg.inv(camera.projection @ camera.view).T
+    near, beyond = np.split(ends[:, :3] / ends[:, 3:], 2)
+    sight = beyond - near
+    cosine = -sight[:, 2] / np.linalg.norm(sight, axis=1)
+    reaches = cosine > LEAST_DIP
+    along = (near[:, 2] - rectangle[0, 2]) / np.where(reaches, -sight[:, 2], 1.0)
+    hit = (near + along[:, None] * sight)[:, None, :2]
+    edge = np.roll(rectangle, -1, axis=0)[:, :2] - rectangle[:, :2]
+    offset = hit - rectangle[:, :2]
+    within = edge[:, 0] * offset[..., 1] - edge[:, 1] * offset[..., 0]
+    seen = reaches & (along > 0.0) & (np.all(within >= 0.0, axis=1) | np.all(within <= 0.0, axis=1))
+    if not seen.any():
+        return n12
+    return float(cameras.apparent_depth(cosine[seen], n12).mean())
 
 
 def _refraction_region(

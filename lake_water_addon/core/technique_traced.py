@@ -56,7 +56,7 @@ class TracedSettings(TechniqueSettings):
     red, green and blue light."""
 
     march_steps: int = field(
-        default=48,
+        default=32,
         metadata={
             "name": "March Steps",
             "description": "Most steps along a ray, evenly across the texture and at most one a pixel of it. "

@@ -18,10 +18,12 @@ class RefractionMap(Enum):
     """The picture in which a technique looks up what lies under water.
 
     TURNED: what lies below the surface, from the camera turned into the water as refraction bends its lowest
-    ray; MAIN: the same from the main camera; WHOLE: the whole scene without the water, from the main camera.
+    ray; APPARENT: the same from the main camera, the water as shallow as it appears; MAIN: the same from the
+    main camera; WHOLE: the whole scene without the water, from the main camera.
     """
 
     TURNED = "TURNED"
+    APPARENT = "APPARENT"
     MAIN = "MAIN"
     WHOLE = "WHOLE"
 
@@ -60,7 +62,7 @@ TECHNIQUES: dict[str, Technique] = {
         "Traced",
         "Refracted and reflected rays followed through the depth of their pictures, exact Fresnel equations, "
         "absorption by color: the most accurate and the slowest. Draws the scene three times a frame",
-        RefractionMap.TURNED,
+        RefractionMap.APPARENT,
         _COMMON,
         settings=TracedSettings,
         reflection_depth=True,
