@@ -50,18 +50,18 @@ class RippleSettings(TechniqueSettings):
     tile_size: float = 4.0
     flow_direction: float = 0.0
     flow_speed: float = 0.25
-    reflection_distortion: float = 0.06
-    refraction_distortion: float = 0.03
+    reflection_distortion: float = 0.03
+    refraction_distortion: float = 0.02
     normal_strength: float = 0.5
-    distance_strength: float = 0.15
+    distance_strength: float = 0.1
     distance_range: tuple[float, float] = (5.0, 60.0)
-    angle_strength: float = 0.75
-    angle_range: tuple[float, float] = (radians(40.0), radians(88.0))
-    depth_strength: float = 0.2
+    angle_strength: float = 0.6
+    angle_range: tuple[float, float] = (radians(50.0), radians(88.0))
+    depth_strength: float = 0.1
     depth_range: tuple[float, float] = (0.0, 3.0)
-    depth_darkening: float = 0.5
+    depth_darkening: float = 0.4
     depth_darkening_range: tuple[float, float] = (0.0, 4.0)
-    path_darkening: float = 0.45
+    path_darkening: float = 0.4
     path_darkening_range: tuple[float, float] = (0.0, 15.0)
 
     maps: ClassVar = {"dudv_map": "DUDV"}
