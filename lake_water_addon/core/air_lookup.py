@@ -80,6 +80,18 @@ def radiance_through_water(
     return optics.through_water(color, np.array(settings.water_color), known * a[:, None])
 
 
+def over_horizon(planned: TexturePass, points: np.ndarray) -> np.ndarray:
+    """Points (n, 3) in the mirrored camera's space, raised to its horizon.
+
+    Among the waves, a ray from a trough below it would be looked up in the sky's nadir.
+    """
+    if cameras.is_orthographic(planned.projection):
+        return points
+    up = planned.view[:3, 2]
+    least = optics.MIN_RISE * np.linalg.norm(points, axis=1)
+    return points + np.maximum(least - points @ up, 0.0)[:, None] * up
+
+
 def reflected_radiance(
     surface: np.ndarray, direction: np.ndarray, body: BodyPlan, textures: WaterTextures
 ) -> np.ndarray:
@@ -89,7 +101,8 @@ def reflected_radiance(
     open_rays = np.ones(len(surface), bool)
     for part in REACHES:
         w = in_camera(body.reflection, surface + part * body.body.settings.c * direction)
-        uv[open_rays] = cameras.to_texture(body.reflection.projection, w)[open_rays]
+        at = cameras.to_texture(body.reflection.projection, over_horizon(body.reflection, w))
+        uv[open_rays] = at[open_rays]
         texel[open_rays] = textures.reflection_color(uv)[open_rays]
         open_rays &= texel[:, 3] <= 0.5
     color, known = _color_and_known(texel, uv, textures.fade)

@@ -611,6 +611,8 @@ def _reflection_region(
     to_texture_clip: np.ndarray,
 ) -> tuple[float, float, float, float]:
     """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R."""
+    if cameras.eye_position(camera.view)[2] < at[2] + highest:
+        return WHOLE  # the mirrored eye is among the waves: lookups are raised to its horizon
     c = body.settings.c
     reach = np.array([(x, y, z) for x in (-c, c) for y in (-c, c) for z in (min(c, 0.0), max(c, 0.0))])
     return _looked_up_region(body, snapshot, at, highest, camera, to_texture_clip, reach)

@@ -40,6 +40,15 @@ vec3 radiance_through_water(vec3 u, vec2 uv, float path)
   return through_water(color, water.color.rgb, known * a);
 }
 
+// A point in the mirrored camera's space, raised to its horizon: among the waves, a ray from a trough below
+// it would be looked up in the sky's nadir.
+vec3 over_horizon(vec3 point)
+{
+  vec3 up = water.reflection_view[2].xyz;
+  bool orthographic = is_orthographic(water.reflection_projection);
+  return orthographic ? point : point + max(MIN_RISE * length(point) - dot(up, point), 0.0) * up;
+}
+
 vec3 reflected_radiance(vec3 surface, vec3 direction)
 {
   // Mirroring U + c R is one with the view of the reflection camera. A lookup that lands in the
@@ -49,7 +58,7 @@ vec3 reflected_radiance(vec3 surface, vec3 direction)
   vec2 uv = vec2(0.0);
   for (int i = 0; i < 4; i++) {
     vec3 w = transform_point(water.reflection_view, surface + reach * direction);
-    uv = to_texture(water.reflection_projection, w);
+    uv = to_texture(water.reflection_projection, over_horizon(w));
     texel = texture(reflection_color, uv);
     if (texel.a > 0.5) {
       break;

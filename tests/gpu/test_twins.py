@@ -921,6 +921,16 @@ def test_twin_radiance_through_water(case):
 
 
 @every_lake
+def test_twin_over_horizon(case):
+    plan, _, gpu_arguments, *_ = lake_case(**case)
+    points = single(RNG(29).uniform(-8, 8, (2000, 3)))
+    got = evaluate(results={"p": ("vec3", "over_horizon(p)")}, p=points, **gpu_arguments)["p"]
+    want = air_lookup.over_horizon(plan.bodies[0].reflection, points)
+    compare(got, want, 64 * EPS * 8.0)
+    assert np.any(want != points) or cameras.is_orthographic(plan.bodies[0].reflection.projection)
+
+
+@every_lake
 def test_twin_reflected_radiance(case):
     plan, textures, gpu_arguments, surface, normal, to_eye = lake_case(**case)
     direction = single(optics.reflect_upwards(-to_eye, normal))
