@@ -147,7 +147,8 @@ class BodyPlan:
     """One water body in one view. origin: (3,) of the water frame in render space.
 
     body: as the technique draws it, which may be without waves, or with a k of its own. lowest: height in
-    render space of the lowest thing in it.
+    render space of the lowest thing in it. extent: (half_x, half_y, center_x, center_y) of the rectangle
+    around it in the water frame.
 
     side: of its surface, on which the picture begins. refraction and reflection are what is looked up from
     the air; under: from the water, None when the picture does not begin in it.
@@ -165,6 +166,7 @@ class BodyPlan:
     light: WaterLight | None
     spectrum: Spectrum
     lowest: float
+    extent: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -401,6 +403,7 @@ def _plan_body(
         light,
         _spectrum(body, snapshot.sun, technique),
         float(sunken[0][2]) if sunken is not None else level - highest,
+        _extent(body, snapshot),
     )
 
 
@@ -536,7 +539,7 @@ def _plan_shadows(
     to_clip = camera.projection @ camera.view
     seen = visible_part_of_box(*bounds, to_clip)
     surfaces = [_surface_of(b.light.camera, float(b.origin[2])) for b in bodies if b.light is not None]
-    points = np.concatenate([seen, *surfaces])
+    points = np.concatenate([seen, *surfaces, *_seen_in_surfaces(camera, bodies, bounds, settings)])
     if len(points) == 0:
         return ()
     size = settings.light_depth_size
@@ -554,6 +557,24 @@ def _plan_shadows(
                 break
             found.insert(0, light_camera(-sun.direction, seen, bounds, size))
     return tuple(found)
+
+
+def _seen_in_surfaces(
+    camera: Camera, bodies: tuple[BodyPlan, ...], bounds: Bounds, settings: FrameSettings
+) -> list[np.ndarray]:
+    """Points (n, 3) around what the surfaces show of the air, mirrored or from below."""
+    wide = cameras.widen(camera.projection, settings.fov_ext)
+    found = []
+    for body in bodies:
+        mirrored = cameras.mirrored_view(camera.view, float(body.origin[2]))
+        views = [(mirrored, body.reflection)] if body.reflection.drawn else []
+        if body.under is not None and body.under.refraction.drawn:
+            views.append((camera.view, body.under.refraction))
+        for view, looked_up in views:
+            low = np.append(bounds[0][:2], max(bounds[0][2], looked_up.clip_height))
+            if low[2] < bounds[1][2]:
+                found.append(visible_part_of_box(low, bounds[1], wide @ view))
+    return found
 
 
 def _surface_of(camera: LightCamera, level: float) -> np.ndarray:
@@ -600,6 +621,17 @@ def _rectangle(body: WaterBody, snapshot: SceneSnapshot, at: np.ndarray, height:
     y = center_y + half_y * np.array([-1.0, -1.0, 1.0, 1.0])
     cos_h, sin_h = np.cos(body.heading), np.sin(body.heading)
     return np.stack([cos_h * x - sin_h * y, sin_h * x + cos_h * y, np.full(4, height)], axis=1) + at
+
+
+def _extent(body: WaterBody, snapshot: SceneSnapshot) -> tuple[float, float, float, float]:
+    """Half extents and centre, along the water frame's axes, of the rectangle around the body."""
+    if body.grid is not None:
+        return body.grid[1:]
+    corners = box_corners(*snapshot.meshes[body.mesh].bounds) @ body.matrix[:3, :3].T
+    cos_h, sin_h = np.cos(body.heading), np.sin(body.heading)
+    in_frame = corners[:, :2] @ np.array([[cos_h, -sin_h], [sin_h, cos_h]])
+    low, high = in_frame.min(axis=0), in_frame.max(axis=0)
+    return (*(0.5 * (high - low)).tolist(), *(0.5 * (low + high)).tolist())
 
 
 def _reflection_region(

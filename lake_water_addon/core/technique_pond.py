@@ -43,6 +43,9 @@ if TYPE_CHECKING:  # the plan looks up the techniques
 MIN_BASE = 1e-30
 """What a power is taken of, at least: GLSL leaves pow(0, 0) open."""
 
+MIN_EXTENT = 1e-6
+"""m: half the width of the water that an image is stretched over, at least."""
+
 
 @dataclass(frozen=True)
 class PondSettings(TechniqueSettings):
@@ -143,10 +146,9 @@ def lookup_shift(ripple: np.ndarray, own: np.ndarray, settings: PondSettings) ->
 
 
 def over_the_water(p: np.ndarray, body: BodyPlan) -> np.ndarray:
-    """(n, 2) coordinates that run from 0 to 1 over the rectangle of the water's grid; 0.5 without a grid."""
-    _, half_x, half_y, center_x, center_y = body.body.grid or (0, 0.0, 0.0, 0.0, 0.0)
-    half = np.array([half_x, half_y])
-    return np.where(half > 0.0, (p - (center_x, center_y)) / np.where(half > 0.0, 2.0 * half, 1.0), 0.0) + 0.5
+    """(n, 2) coordinates that run from 0 to 1 over the rectangle around the water; p: m in its frame."""
+    half, center = np.array(body.extent[:2]), np.array(body.extent[2:])
+    return 0.5 * (p - center) / np.maximum(half, MIN_EXTENT) + 0.5
 
 
 def refraction_bias(

@@ -27,6 +27,7 @@
 
 // pow(0, 0) is undefined in GLSL.
 #define MIN_BASE 1e-30
+#define MIN_EXTENT 1e-6
 
 // The mean of both maps, in the water frame; p: m in it.
 vec3 pond_ripple_normal(vec2 p)
@@ -52,13 +53,10 @@ vec2 pond_lookup_shift(vec3 ripple, vec2 own)
   return ripple.xy * POND_RIPPLE_SCALE * vec2(1.0, 1.0 - v8 * v2);
 }
 
-// 0 to 1 over the rectangle of the grid; 0.5 without a grid.
+// 0 to 1 over the rectangle around the water.
 vec2 pond_over_the_water(vec2 p)
 {
-  vec2 half_size = water.grid.xy;
-  return vec2(half_size.x > 0.0 ? 0.5 * (p.x - water.grid.z) / half_size.x : 0.0,
-              half_size.y > 0.0 ? 0.5 * (p.y - water.grid.w) / half_size.y : 0.0) +
-         0.5;
+  return 0.5 * (p - water.grid.zw) / max(water.grid.xy, vec2(MIN_EXTENT)) + 0.5;
 }
 
 float pond_refraction_bias(float depth, float from_eye, float grey)

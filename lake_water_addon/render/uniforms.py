@@ -101,7 +101,6 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
     n12 = 1.0 / settings.ior
     packed = np.zeros((MAX_WAVES, 4))
     packed[: len(body.packed_waves)] = body.packed_waves
-    _, half_x, half_y, center_x, center_y = body.body.grid or (0, 0.0, 0.0, 0.0, 0.0)
     return [
         _vec4(body.origin, len(body.packed_waves)),
         np.array([settings.k, settings.q, settings.c, n12]),
@@ -109,7 +108,7 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
             [optics.reflectance_at_normal(n12), frame.intersection_steps, BORDER_FADE, frame.texture_size]
         ),
         _vec4(np.array(settings.water_color), 1.0),
-        np.array([half_x, half_y, center_x, center_y]),
+        np.array(body.extent),
         np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, 0.0]),
         looked_up.refraction.view.T,
         looked_up.refraction.projection.T,

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from lake_water_addon.core import optics, technique_pond, wave_maps
+from lake_water_addon.core.plan import plan_frame
+from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import Sun
 from lake_water_addon.core.technique_pond import PondMaps, PondSettings
 from tests.core.basin import CAMERAS, DEPTH, Basin, constant, up
@@ -48,6 +50,12 @@ def waving(uv):
 def test_geometric_waves_are_a_choice():
     assert PondSettings(geometric_waves=True).displaces
     assert not PondSettings(geometric_waves=False).displaces
+
+
+def planned(water, *meshes):
+    """The water body as it is planned for a picture."""
+    scene = scenes.snapshot(meshes, (), (), (water,))
+    return plan_frame(scene, CAMERAS["perspective"], FrameSettings(texture_size=64)).bodies[0]
 
 
 # Two normal maps
@@ -190,9 +198,22 @@ def test_bias_by_depth_is_that_of_the_water_below(camera):
 
 def test_the_bias_map_is_stretched_over_the_water_once():
     basin = Basin(heading=0.5)
-    body = replace(basin.body, body=replace(basin.body.body, grid=(9, 4.0, 2.0, 1.0, -3.0)))
+    body = replace(basin.body, extent=(4.0, 2.0, 1.0, -3.0))
     corners = np.array([[-3.0, -5.0], [5.0, -1.0], [1.0, -3.0]])
     np.testing.assert_allclose(technique_pond.over_the_water(corners, body), [[0, 0], [1, 1], [0.5, 0.5]])
+
+
+def test_an_image_is_stretched_over_a_grid_or_the_box_around_a_mesh():
+    """In the water frame, whatever the object's heading and scale."""
+    grid = scenes.water()
+    assert planned(grid).extent == (30.0, 30.0, 0.0, 0.0)
+    mesh = scenes.box_mesh("surface", (2.0, 1.0, 0.0))
+    mesh = scenes.changed(mesh, positions=mesh.positions + np.float32([1.0, 5.0, 0.0]))
+    c, s = 3.0 * np.cos(0.8), 3.0 * np.sin(0.8)
+    matrix = scenes.translation(7.0, 8.0)
+    matrix[:2, :2] = [[c, -s], [s, c]]
+    body = planned(replace(grid, grid=None, mesh="surface", matrix=matrix), mesh)
+    np.testing.assert_allclose(body.extent, (6.0, 3.0, 3.0, 15.0), atol=1e-6)
 
 
 # Material, lights and impurities
