@@ -2,7 +2,7 @@
 """Shadows from the depth texture of a light camera: the float64 twin of `gpu_shaders/shadow_lib.glsl`.
 
 A point is lit where the nearest thing on the light's way lies no nearer than the point itself. The
-answers of 3x3 texels are weighted with a quadratic B-spline, which makes edges smooth over three
+answers of 3x3 texels are weighted with a quadratic B-spline, which makes edges smooth over two
 texels. Before that the point is moved along its face's normal, just so far that a flat surface does
 not shade itself within those texels, whatever its slope. The normal has to be the face's own: along
 one that is smoothed, or turned up as those of grass are, the point would stay in the face's plane.

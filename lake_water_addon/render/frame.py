@@ -98,12 +98,11 @@ class FrameRenderer:
         if not plan.shadows:
             return None
         target = light.shadow_target(self.targets, plan.settings.light_depth_size)
-        below = min((body.refraction.clear_height for body in plan.bodies), default=None)
         for i, camera in enumerate(plan.shadows):
             if self._is_new(("shadow", i), (camera.key, plan.snapshot.version, target)):
                 view = self._block("shadow", i).update(*uniforms.view(camera.view, camera.projection))
                 with timer.measure("shadow depth", target.framebuffer):
-                    light.draw_shadow(self._geometry, target, i, view, below)
+                    light.draw_shadow(self._geometry, target, i, view)
         return target.colors[0]
 
     def draw_light_depth(self, i: int, plan: FramePlan, timer: PassTimer) -> GPUTexture | None:

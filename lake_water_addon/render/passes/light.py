@@ -32,15 +32,11 @@ def free_targets(targets: Targets, body: int) -> None:
     targets.discard(("light depth", body))
 
 
-def draw_shadow(
-    painter: GeometryPainter, target: Target, window: int, view: GPUUniformBuf, lowest_water: float | None
-) -> None:
-    """What shades the dry scene and the water; what lies below all water does not, and is left out."""
+def draw_shadow(painter: GeometryPainter, target: Target, window: int, view: GPUUniformBuf) -> None:
+    """All that there is: the ground under the water keeps off a sun that is down, and a valley beside the
+    water may lie lower than that."""
     with _window(target, window):
-        if lowest_water is None:
-            painter.draw_depths(view)
-        else:
-            painter.draw_depths(view, keep=-1, height=lowest_water)
+        painter.draw_depths(view)
 
 
 def draw_light_depth(
