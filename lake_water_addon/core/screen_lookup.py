@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import cameras
-from .air_lookup import LEAST_KNOWN, in_camera, straight_bottom
+from .air_lookup import LEAST_KNOWN, in_camera, over_horizon, straight_bottom
 from .lookup import Lookup
 
 if TYPE_CHECKING:  # the plan looks up the techniques
@@ -43,6 +43,20 @@ def _axes(body: BodyPlan) -> np.ndarray:
 def screen_coordinate(surface: np.ndarray, body: BodyPlan) -> np.ndarray:
     """(n, 2) where the surface lies in both textures."""
     return cameras.to_texture(body.refraction.projection, in_camera(body.refraction, surface))
+
+
+def under_horizon(at: np.ndarray, body: BodyPlan) -> np.ndarray:
+    """(n, 2) coordinates of the reflection texture, kept on the side of its horizon where the scene is.
+
+    A ripple far off would look beyond it, at what the mirrored camera sees of the sky's nadir.
+    """
+    projection = body.reflection.projection
+    if cameras.is_orthographic(projection):
+        return at
+    ndc = 2.0 * at - 1.0
+    scale, shift = np.diagonal(projection)[:2], projection[:2, 2]
+    ray = np.concatenate([(ndc + shift) / scale, np.full((len(at), 1), -1.0)], axis=1)
+    return cameras.to_texture(projection, over_horizon(body.reflection, ray))
 
 
 def viewing_distance(surface: np.ndarray, body: BodyPlan) -> np.ndarray:

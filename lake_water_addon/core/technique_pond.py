@@ -31,6 +31,7 @@ from .screen_lookup import (
     radiance_near,
     ramp,
     screen_coordinate,
+    under_horizon,
     viewing_distance,
     water_below,
 )
@@ -208,7 +209,7 @@ def water_radiance(
     refracted = radiance_near(textures.refraction_color, at, own, water_color)
     refracted = refracted + settings.impurity * (water_color - refracted)
     mirrored = textures.sky_radiance(optics.reflect_upwards(-to_eye, n))
-    reflected = radiance_near(textures.reflection_color, at, own, mirrored)
+    reflected = radiance_near(textures.reflection_color, under_horizon(at, body), own, mirrored)
 
     depth, _ = water_below(surface, body, textures.bottom_depth)
     grey = maps.bias_map(over_the_water(p, body))[:, 0]

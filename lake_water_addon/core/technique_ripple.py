@@ -25,6 +25,7 @@ from .screen_lookup import (
     radiance_near,
     ramp,
     screen_coordinate,
+    under_horizon,
     viewing_distance,
     water_below,
 )
@@ -128,7 +129,7 @@ def water_radiance(
     )
     reflected = radiance_near(
         textures.reflection_color,
-        own + settings.reflection_distortion * d,
+        under_horizon(own + settings.reflection_distortion * d, body),
         own,
         textures.sky_radiance(optics.reflect_upwards(-to_eye, normal)),
     )

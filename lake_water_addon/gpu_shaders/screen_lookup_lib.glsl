@@ -25,6 +25,18 @@ vec2 screen_coordinate(vec3 surface)
   return to_texture(water.refraction_projection, transform_point(water.refraction_view, surface));
 }
 
+// Of the reflection texture: a ripple far off does not look beyond the mirrored horizon, at the sky's nadir.
+vec2 under_horizon(vec2 at)
+{
+  mat4 projection = water.reflection_projection;
+  if (is_orthographic(projection)) {
+    return at;
+  }
+  vec2 ndc = 2.0 * at - 1.0;
+  vec2 ray = (ndc + projection[2].xy) / vec2(projection[0][0], projection[1][1]);
+  return to_texture(projection, over_horizon(vec3(ray, -1.0)));
+}
+
 float viewing_distance(vec3 surface)
 {
   vec3 u = transform_point(water.refraction_view, surface);

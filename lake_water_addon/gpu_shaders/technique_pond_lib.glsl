@@ -103,7 +103,7 @@ vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
   vec3 refracted = radiance_near(refraction_color, at, own, water.color.rgb);
   refracted = mix(refracted, water.color.rgb, POND_IMPURITY);
   vec3 mirrored_sky = sky_radiance(reflect_upwards(-to_eye, n));
-  vec3 reflected = radiance_near(reflection_color, at, own, mirrored_sky);
+  vec3 reflected = radiance_near(reflection_color, under_horizon(at), own, mirrored_sky);
 
   float bias = pond_refraction_bias(water_below(surface).x, viewing_distance(surface), grey);
   float w = pond_refraction_weight(dot(n, to_eye), bias);

@@ -162,6 +162,23 @@ def test_the_map_tilts_the_normal():
     np.testing.assert_allclose(tilted[0], np.arctan(0.8) / 1.5 * np.ones(3), atol=1e-9)
 
 
+def test_a_ripple_near_the_horizon_does_not_look_beyond_it():
+    """The picture holds the rise of the mirrored ray: positive where the scene is, negative in the nadir."""
+    basin = Basin("low")
+    settings = replace(CLEAR, reflection_distortion=2.0, distance_strength=1.0, distance_range=(-1.0, 0.0))
+    view, projection = basin.body.reflection.view, basin.projection
+
+    def rise(uv):
+        ray = np.column_stack([(2.0 * uv - 1.0) / np.diagonal(projection)[:2], np.full(len(uv), -1.0)])
+        return np.repeat((ray @ view[:3, 2])[:, None], 3, axis=1)
+
+    textures = basin.textures((0, 0, 0), rise)
+    for y in (0.0, 1.0):
+        seen = radiance(basin, settings, textures, constant(0.5, y, 0.0, 1.0))[:, 0]
+        assert seen.min() > 0.0
+    assert rise(basin.coordinates(basin.surface()[0]) + np.array([0.0, 2.0])).min() < 0.0
+
+
 def test_where_nothing_is_known_the_fragments_own_place_is_taken():
     basin = Basin()
     settings = replace(CLEAR, refraction_distortion=0.4)

@@ -1143,6 +1143,18 @@ def test_twin_screen_coordinate(case):
 
 
 @every_lake
+def test_twin_under_horizon(case):
+    """All over the picture; of a level camera, too, whose horizon is in its middle."""
+    for camera in (case.get("camera"), scenes.look_at((6, -9, 2), (0, 0, 2))):
+        own = ripple_case(**{**case, "camera": camera})
+        at = single(RNG(66).uniform(-0.2, 1.2, (2000, 2)))
+        got = evaluate_own(own, ("vec2", "under_horizon(uv)"), uv=at)
+        want = screen_lookup.under_horizon(at, own[0])
+        compare(got, want, 64 * EPS)
+    assert np.any(want != at) and np.any(want == at)
+
+
+@every_lake
 def test_twin_viewing_distance(case):
     own = ripple_case(**case)
     got = evaluate_own(own, ("float", "viewing_distance(u)"), u=own[4])
