@@ -57,11 +57,11 @@ MIN_SPREAD = 0.25
 MAX_SPREAD = 8.0
 """Texels: greatest half width, or twice the distance of the photons where that is more."""
 
-MIN_COVERAGE = 0.5
+MIN_COVERAGE = 0.45
 """Least part of a texel that is covered by water, for what falls there to be scaled to all of it."""
 
-FINEST_COUNT = 2.0**24
-"""Units of the counters in a value of 1, unless a single photon would fill the counter."""
+FINEST_COUNT = 2.0**31
+"""Units of the counters in a value of 1, unless a single photon may be more than that."""
 
 CHUNK = 1 << 16
 """Photons that the processor sums at a time: few enough for its caches."""
@@ -349,7 +349,8 @@ def neighbors(spacing: float) -> list[tuple[int, int]]:
 def counter_scale(spacing: float) -> float:
     """Units of a 32-bit counter in a value of 1: a power of two, so that no single photon overflows it.
 
-    A photon brings at most spacing^2. Their sum may overflow: that is carried over into a second counter.
+    A photon brings at most spacing^2. Their sum may overflow: that is carried over into a second counter,
+    which counts so few that all light of the window in one texel does not fill it.
     """
     return float(min(FINEST_COUNT, 2.0 ** np.floor(31.0 - 2.0 * np.log2(spacing))))
 

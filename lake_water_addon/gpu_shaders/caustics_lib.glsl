@@ -3,7 +3,7 @@
 
 #define MIN_SPREAD 0.25
 #define MAX_SPREAD 8.0
-#define MIN_COVERAGE 0.5
+#define MIN_COVERAGE 0.45
 
 // What one texel of the photon map adds to the caustics.
 struct Deposit {

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lake_water_addon.core import caustics, light, optics, waves
-from lake_water_addon.core.light import LightCamera
+from lake_water_addon.core import caustics, optics, waves
 from lake_water_addon.core.waves import SineWave
+from tests.light_window import N12, SUNS, lattice, on_plane, plane_depths, unit, window
 
-N12 = 1.0 / 1.333
 LAKE = (
     SineWave(0.026, 3.65, 0.80, 3.6),
     SineWave(0.020, 2.83, 1.24, 0.1),
@@ -19,51 +18,24 @@ LAKE = (
     SineWave(0.007, 0.99, 1.69, 4.8),
     SineWave(0.003, 0.44, -1.44, 0.9),
 )
-SUNS = {
-    "above": (0.0, 0.0, 1.0),
-    "oblique": (0.5, -0.3, 0.8),
-    "low": (-0.9, 0.3, 0.35),
-    "grazing": (1.0, 0.2, 1e-3),
-}
 every_sun = pytest.mark.parametrize("sun", SUNS.values(), ids=SUNS)
 RESOLUTIONS = ((96, 64), (64, 96), (100, 256), (256, 100), (128, 128), (30, 200), (200, 10))
 
 
-def unit(vector):
-    return np.asarray(vector, float) / np.linalg.norm(vector)
-
-
-def window(sun, size=8.0, resolution=64):
-    """The camera along sunlight in the water whose window is `size` m wide and centred below the origin."""
-    direction = light.sunlight_in_water(unit(sun), N12)
-    view = np.eye(4)
-    view[:3, :3] = light.light_axes(direction)
-    projection = np.diag([2.0 / size, 2.0 / size, -1.0 / 100.0, 1.0])
-    return LightCamera(direction, view, projection, resolution, np.full(2, size / resolution))
-
-
-def on_plane(camera, uv, depth, slope=(0.0, 0.0)):
-    """Points (n, 3) of the plane z = -depth + slope . xy that the camera sees at uv (n, 2)."""
-    at = np.concatenate([(2 * uv - 1) / np.diag(camera.projection)[:2], np.zeros((len(uv), 1))], axis=1)
-    start, normal = at @ camera.view[:3, :3], np.array([-slope[0], -slope[1], 1.0])
-    along = (-depth - start @ normal) / (camera.direction @ normal)
-    return start + along[:, None] * camera.direction
-
-
-def lattice(count):
-    """uv (count^2, 2) of the middles of a texture's texels."""
-    line = (np.arange(count) + 0.5) / count
-    return np.stack([a.ravel() for a in np.meshgrid(line, line)], axis=1)
-
-
-def scene(sun=SUNS["oblique"], depth=3.0, slope=(0.0, 0.0), of=LAKE, photons=64, steps=1, **changes):
+def scene(sun=SUNS["oblique"], depth=3.0, slope=(0.0, 0.0), of=LAKE, photons=64, steps=1):
     camera = window(sun)
-    bottom = on_plane(camera, lattice(camera.resolution), depth, slope)
-    distances = -(bottom @ camera.view[2, :3]).reshape(camera.resolution, -1)
-    made = caustics.PhotonScene(
-        unit(sun), camera, distances, np.zeros(3), waves.pack(of, 0.7, 5.0), 0.5, 5.0, N12, photons, steps
+    return caustics.PhotonScene(
+        sun_direction=unit(sun),
+        camera=camera,
+        depth=plane_depths(camera, depth, slope),
+        origin=np.zeros(3),
+        packed_waves=waves.pack(of, 0.7, 5.0),
+        k=0.5,
+        q=5.0,
+        n12=N12,
+        photons=photons,
+        steps=steps,
     )
-    return replace(made, **changes)
 
 
 def launched(of, uv=None, error=0.0):
