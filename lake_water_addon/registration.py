@@ -15,9 +15,9 @@ MODULES = (
     "properties",
     "preferences",
     "handlers",
-    "nodes.switching",
     "operators",
     "engine",
+    "nodes.switching",
     "viewport",
     "panels",
 )

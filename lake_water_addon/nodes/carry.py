@@ -198,3 +198,24 @@ def set_visibility(obj: bpy.types.Object, *, render: bool, viewport: bool) -> No
         modifier.show_render = render
     if modifier.show_viewport != viewport:
         modifier.show_viewport = viewport
+
+
+def note_values(obj: bpy.types.Object) -> None:
+    """Keep the present values of the settings in the drivers: see `drivers`."""
+    worn = material_of(obj)
+    own = worn is not None and material.owner_of(worn) == obj
+    if own:
+        material.note_settings(worn)
+    if waves_shown(obj) == wave_count(obj):  # else the drivers are of waves that are gone
+        drivers.note_values(obj, _input_prefix(modifier_of(obj)))
+        if own:
+            material.note_waves(worn)
+
+
+def drive_again(obj: bpy.types.Object) -> None:
+    """Make all drivers anew. Blender found the settings of none while the extension was not enabled."""
+    worn = material_of(obj)
+    if worn is not None and material.owner_of(worn) in {obj, None}:
+        material.drive_settings(worn, obj)
+    if waves_shown(obj) is not None:
+        set_waves(obj, wanted=True)

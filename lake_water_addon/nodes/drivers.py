@@ -4,6 +4,9 @@
 All are what Blender calls simple expressions or plain copies: no Python runs, so no permission to
 run scripts is asked for, and they hold under animation, in every depsgraph and in every thread.
 Blender evaluates them in float64; only the result is rounded to the input's float32.
+
+Where the extension is not enabled, Blender does not know the settings: each variable then has the value
+that it had when the file was saved, and the waves go on.
 """
 
 from __future__ import annotations
@@ -36,8 +39,11 @@ class Drive:
         for name, setting in self.variables.items():
             variable = driver.variables.new()
             variable.name = name
-            variable.targets[0].id = obj
-            variable.targets[0].data_path = f"lake_water.{setting}"
+            target = variable.targets[0]
+            target.id = obj
+            target.data_path = f"lake_water.{setting}"
+            target.use_fallback_value = True
+            _note_value(target)
         for name, scene_path in self.scene.items():
             variable = driver.variables.new()
             variable.name = name
@@ -45,6 +51,26 @@ class Drive:
             variable.targets[0].context_property = "ACTIVE_SCENE"
             variable.targets[0].data_path = scene_path
         driver.expression = self.expression
+
+
+def _note_value(target: bpy.types.DriverTarget) -> None:
+    """Keep the setting's value for when there is no setting."""
+    value = target.id.path_resolve(target.data_path)
+    if isinstance(value, str):
+        value = (
+            target.id.lake_water.bl_rna.properties[target.data_path.rpartition(".")[2]]
+            .enum_items[value]
+            .value
+        )
+    target.fallback_value = value
+
+
+def note_values(owner: bpy.types.ID, prefix: str) -> None:
+    """Keep the present values of the settings that drive these properties, before the file is saved."""
+    for curve in drivers_on(owner, prefix):
+        for variable in curve.driver.variables:
+            if variable.type == "SINGLE_PROP" and variable.targets[0].id is not None:
+                _note_value(variable.targets[0])
 
 
 def copy(setting: str) -> Drive:

@@ -90,6 +90,16 @@ def remove_setting_drivers(material: bpy.types.Material) -> None:
     drivers.remove_drivers(material.node_tree, f'nodes["{WATER}"]')
 
 
+def note_settings(material: bpy.types.Material) -> None:
+    """Keep the present settings in their drivers: see `drivers`."""
+    drivers.note_values(material.node_tree, f'nodes["{WATER}"]')
+
+
+def note_waves(material: bpy.types.Material) -> None:
+    """Keep the present waves in their drivers; all must be there."""
+    drivers.note_values(material.node_tree, WAVES)
+
+
 def owner_of(material: bpy.types.Material) -> bpy.types.Object | None:
     """The object whose settings drive the material; None if none does."""
     return drivers.target_of(material.node_tree, f'nodes["{WATER}"]')

@@ -95,7 +95,7 @@ def _build(t: Tree) -> None:
     framed = _store(t, flat, FRAME_ATTRIBUTE, point)
 
     point = _attribute(t, FRAME_ATTRIBUTE)
-    height, slope = _sum(t, given, point)
+    height, slope, highest = _sum(t, given, point)
     raised = frame.to_local(point + t.combine(0.0, 0.0, height))
     shape = t.node("GeometryNodeSetPosition", framed, None, raised)["Geometry"]
     smooth = t.node("GeometryNodeSetShadeSmooth", shape)["Mesh"]
@@ -103,7 +103,8 @@ def _build(t: Tree) -> None:
     normals = t.node("GeometryNodeSetMeshNormal", smooth, mode="FREE", domain="POINT")
     normal = frame.normal_to_local(t.combine(-slope_x, -slope_y, 1.0))
     t.plug(normals.made.inputs["Custom Normal"], normal)
-    t.outputs(t.node("GeometryNodeSetMaterial", normals["Mesh"], None, given["Material"])["Geometry"])
+    surface = t.node("GeometryNodeSetMaterial", normals["Mesh"], None, given["Material"])["Geometry"]
+    t.outputs(_with_camera_inside(t, surface, frame, highest))
 
 
 def _store(t: Tree, geometry: Value, name: str, value: Value) -> Value:
@@ -130,6 +131,7 @@ class _WaterFrame:
         me = t.node("GeometryNodeSelfObject")["Self Object"]
         info = t.node("GeometryNodeObjectInfo", me, transform_space="ORIGINAL")
         matrix = info["Transform"]
+        self._origin = info["Location"]
         cells = t.node("FunctionNodeSeparateMatrix", matrix)
         self.x, self.y, self.z = (
             t.combine(*(cells[f"Column {column} Row {row}"] for row in (1, 2, 3))) for column in (1, 2, 3)
@@ -159,6 +161,10 @@ class _WaterFrame:
         x, y, z = framed.xyz()
         return self.ahead * x + self.left * y + self.t.combine(0.0, 0.0, z)
 
+    def from_world(self, world: Value) -> Value:
+        """A point of the world in the water frame."""
+        return self._turned_in(world - self._origin)
+
     def from_local(self, local: Value) -> Value:
         """A point of the object's space in the water frame."""
         x, y, z = local.xyz()
@@ -181,6 +187,24 @@ class _WaterFrame:
         return self.t.combine(world.dot(self.x), world.dot(self.y), world.dot(self.z)).normalized()
 
 
+def _with_camera_inside(t: Tree, surface: Value, frame: _WaterFrame, highest: Value) -> Value:
+    """The surface, with a loose vertex below the scene's camera while that is under water.
+
+    Cycles looks for volumes around the camera only where an object's bounds reach it.
+    """
+    camera = t.node("GeometryNodeInputActiveCamera")["Active Camera"]
+    info = t.node("GeometryNodeObjectInfo", camera, transform_space="ORIGINAL")
+    place = frame.from_world(info["Location"])
+    exists = t.math("GREATER_THAN", info["Scale"].length(), 0.0)
+    under = exists * t.math("LESS_THAN", place.xyz()[2], highest)
+    vertex = t.node("GeometryNodeMeshLine", 1, None, frame.to_local(place - (0.0, 0.0, 1.0)))["Mesh"]
+    join = t.node("GeometryNodeJoinGeometry")
+    for part in (vertex, surface):
+        t.plug(join.made.inputs[0], part)
+    node = t.node("GeometryNodeSwitch", under, surface, join["Geometry"], input_type="GEOMETRY")
+    return node["Output"]
+
+
 def _grid(t: Tree, given, frame: _WaterFrame) -> tuple[Value, Value]:
     """`WaterBody.grid` as a mesh, and where its vertices are in the water frame."""
     box = t.node("GeometryNodeBoundBox", given["Geometry"])
@@ -198,14 +222,15 @@ def _grid(t: Tree, given, frame: _WaterFrame) -> tuple[Value, Value]:
     return mesh, t.node("GeometryNodeInputPosition")["Position"] + t.combine(*center)
 
 
-def _sum(t: Tree, given, point: Value) -> tuple[Value, Value]:
-    """h = sum a sin(kx x + ky y + phase) and its gradient: `core.waves.height` and `slope`."""
+def _sum(t: Tree, given, point: Value) -> tuple[Value, Value, Value]:
+    """h = sum a sin(kx x + ky y + phase), its gradient and its bound: as in `core.waves`."""
     first = t.node("GeometryNodeRepeatInput")
     last = t.node("GeometryNodeRepeatOutput")
     first.made.pair_with_output(last.made)
     last.made.repeat_items.clear()
     last.made.repeat_items.new("FLOAT", "Height")
     last.made.repeat_items.new("VECTOR", "Slope")
+    last.made.repeat_items.new("FLOAT", "Highest")
     first.plug(given["Waves"])
 
     def chosen(kind: str, names: list[str]) -> Value:
@@ -221,8 +246,8 @@ def _sum(t: Tree, given, point: Value) -> tuple[Value, Value]:
     angle = point.dot(wave_vector) + chosen("FLOAT", [phase_socket(n) for n in numbers])
     height = first["Height"] + amplitude * t.math("SINE", angle)
     slope = first["Slope"] + wave_vector * (amplitude * t.math("COSINE", angle))
-    last.plug(height, slope)
-    return last["Height"], last["Slope"]
+    last.plug(height, slope, first["Highest"] + t.math("ABSOLUTE", amplitude))
+    return last["Height"], last["Slope"], last["Highest"]
 
 
 SINE_WAVES = GroupSpec("Sine Waves", "GeometryNodeTree", 1, _sockets(), _build)

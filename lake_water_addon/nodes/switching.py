@@ -121,6 +121,23 @@ def _render_init(scene: bpy.types.Scene, *_args: object) -> None:
         update(scene)
 
 
+@persistent
+def _save_pre(*_args: object) -> None:
+    for scene in bpy.data.scenes:
+        for obj in waters_of(scene):
+            if carry.is_editable(obj):
+                carry.note_values(obj)
+
+
+def _enabled_late() -> None:
+    """The extension was enabled with a file open, or by a script after Blender had loaded one (`-P`)."""
+    for scene in bpy.data.scenes:
+        for obj in waters_of(scene):
+            if carry.is_editable(obj) and carry.is_dressed(obj):
+                carry.drive_again(obj)
+    update_file()
+
+
 def _after_drawing() -> None:
     """Draw handler: data must not be changed while drawing, so a timer does it."""
     if _state is None or _look_at_viewports() == _state.viewports:
@@ -136,7 +153,7 @@ def _follow_viewports() -> None:
 
 
 def register() -> None:
-    """Start to follow engine and viewports. A file that is open already is looked at when it changes."""
+    """Start to follow engine and viewports."""
     global _state  # noqa: PLW0603 - the one piece of state, gone again after unregister()
     _state = _State()
     _state.listener = handlers.Listener(
@@ -144,6 +161,9 @@ def register() -> None:
     )
     handlers.subscribe(_state.listener)
     bpy.app.handlers.render_init.append(_render_init)
+    bpy.app.handlers.save_pre.append(_save_pre)
+    if isinstance(bpy.data, bpy.types.BlendData):  # not while Blender starts: then a file is loaded later
+        _enabled_late()
     if not bpy.app.background:
         add = bpy.types.SpaceView3D.draw_handler_add
         _state.draw_handle = add(_after_drawing, (), "WINDOW", "POST_VIEW")
@@ -158,6 +178,7 @@ def unregister() -> None:
         bpy.types.SpaceView3D.draw_handler_remove(_state.draw_handle, "WINDOW")
     if bpy.app.timers.is_registered(_follow_viewports):
         bpy.app.timers.unregister(_follow_viewports)
+    bpy.app.handlers.save_pre.remove(_save_pre)
     bpy.app.handlers.render_init.remove(_render_init)
     handlers.unsubscribe(_state.listener)
     _state = None

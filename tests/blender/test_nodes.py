@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+import lake_water_addon
 from lake_water_addon import water_objects
 from lake_water_addon.core import optics, waves
 from lake_water_addon.core.waves import MAX_WAVES, SineWave
@@ -420,6 +421,31 @@ def test_group_of_a_newer_version_is_left_alone() -> None:
     assert not tree.nodes
 
 
+def test_waves_go_on_where_the_extension_is_not_enabled_and_after_it_is(tmp_path: Path) -> None:
+    obj = add_water()
+    name, count = obj.name, len(obj.lake_water.waves)
+    switch_to("CYCLES")
+    obj.lake_water.k = 0.875
+    bpy.context.scene.frame_set(1000)
+    expected = positions(evaluated(obj).data)
+    bpy.context.scene.frame_set(1)
+    path = str(tmp_path / "lake.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    lake_water_addon.unregister()
+    try:
+        bpy.ops.wm.open_mainfile(filepath=path)
+        bpy.context.scene.frame_set(1000)
+        obj = bpy.data.objects[name]
+        np.testing.assert_allclose(positions(evaluated(obj).data), expected, atol=1e-6)
+        worn = obj.material_slots[0].material.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        assert worn.node_tree.nodes[material.WATER].inputs["k"].default_value == 0.875
+    finally:
+        lake_water_addon.register()
+    assert carry.waves_shown(obj) == count
+    obj.lake_water.waves[0].amplitude = 0.25
+    assert worst_height(obj) < 1e-5, "settings drive nothing after the extension was enabled again"
+
+
 def test_undo_of_adding_water_leaves_nothing() -> None:
     bpy.ops.ed.undo_push(message="Before")
     bpy.ops.lake_water.add_water()
@@ -573,6 +599,22 @@ def test_cycles_shows_exact_reflectance(tmp_path: Path) -> None:
     carry.material_of(obj).node_tree.nodes[material.WATER].inputs["Exact Fresnel"].default_value = True
     shown = render_center(tmp_path, "CYCLES")
     np.testing.assert_allclose(shown, expected_radiance(obj, angle, exact=True), rtol=0.01)
+
+
+def test_cycles_fogs_what_a_camera_under_water_sees(tmp_path: Path) -> None:
+    obj = build_basin(0.5, 0.0)
+    scene = bpy.context.scene
+    bpy.context.view_layer.update()
+    assert len(evaluated(obj).data.vertices) == 49 * 49
+    scene.camera.matrix_world = Matrix.Translation((0.0, 0.0, -0.75))
+    scene.camera.data.clip_start = 1e-3  # the path begins there
+    bpy.context.view_layer.update()
+    assert len(evaluated(obj).data.vertices) == 49 * 49 + 1, "Cycles would not find the volume"
+    shown = render_center(tmp_path, "CYCLES")
+    settings = water_objects.settings_of(obj)
+    a = optics.attenuation(settings.k, DEPTH - 0.75)
+    expected = optics.through_water(BOTTOM, np.array(settings.water_color), a)
+    np.testing.assert_allclose(shown, expected, rtol=0.01)
 
 
 def test_eevee_shows_the_model_of_attenuation(tmp_path: Path) -> None:
