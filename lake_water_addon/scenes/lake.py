@@ -191,6 +191,7 @@ def build_lake(
     sun = _add_sun(b, sun_direction)
     camera = _add_camera(b)
     world = sky.make_world("Lake Sky", sky.sky_image(sun_direction, b.seed, width=b.pixels(1024)))
+    scene.eevee.use_raytracing = True  # else EEVEE has no refraction of what lies in the water
     if set_world:
         scene.world = world
         _set_view(scene)
