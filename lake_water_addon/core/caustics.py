@@ -30,8 +30,11 @@ from . import cameras, optics
 from .intersection import intersect
 from .light import LightCamera
 
-MIN_SUN = 1e-3
-"""Least z of the direction to the sun that a height is divided by; `plan` lights no water from lower."""
+MAX_RUN = 3.0
+"""m along the plane for each m of height: the rays of a sun lower than 18 degrees meet the waves at 18.
+
+Only crests are in lower light, and a grid that is coarser than the waves cannot tell which: it gives noise.
+"""
 
 MAX_TURN = 0.25
 """Most by which the search for the surface changes the slope of the waves."""
@@ -145,7 +148,8 @@ def bend(curvature: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 def sun_run(sun_direction: np.ndarray) -> np.ndarray:
     """(3,) way along a ray of the sun for each metre of height."""
-    return np.append(sun_direction[:2] / max(sun_direction[2], MIN_SUN), 1.0)
+    level = sun_direction[:2]
+    return np.append(level / max(sun_direction[2], np.linalg.norm(level) / MAX_RUN), 1.0)
 
 
 def on_waves(

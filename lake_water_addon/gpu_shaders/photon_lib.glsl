@@ -3,8 +3,8 @@
 
 #include "camera_lib.glsl"
 #include "optics_lib.glsl"
+#include "sun_run_lib.glsl"
 
-#define MIN_SUN 1e-3
 #define MAX_TURN 0.25
 #define MAX_RAISE 2.0
 #define MIN_FACING 0.1
@@ -61,12 +61,6 @@ WavesAt waves_at(vec2 p)
 vec2 bend(vec3 curvature, vec2 along)
 {
   return vec2(dot(curvature.xy, along), dot(curvature.yz, along));
-}
-
-// Way along a ray of the sun for each metre of height.
-vec3 sun_run()
-{
-  return vec3(lights.sun_direction.xy / max(lights.sun_direction.z, MIN_SUN), 1.0);
 }
 
 // The surface on the sun's ray through a point between the vertices of its mesh.

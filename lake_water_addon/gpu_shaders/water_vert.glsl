@@ -5,6 +5,9 @@
 
 #include "camera_lib.glsl"
 #include "waves_lib.glsl"
+#ifdef PHOTONS
+#  include "sun_run_lib.glsl"
+#endif
 
 // m above and below the water plane in which the order of heights is known.
 #define HEIGHT_RANGE 100.0
@@ -31,7 +34,7 @@ void main()
 #ifdef PHOTONS
   v_wave = wave;
   float height = v_position.z - water.plane.z;
-  vec3 launch = v_position - height * vec3(lights.sun_direction.xy / max(lights.sun_direction.z, 1e-3), 1.0);
+  vec3 launch = v_position - height * sun_run();
   v_launch = (water_light.projection * vec4(transform_point(water_light.view, launch), 1.0)).xy;
   // Of two points in one ray of the sun, the higher one takes its light.
   gl_Position = vec4(v_launch, clamp(-height / HEIGHT_RANGE, -1.0, 1.0), 1.0);
