@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lake_water_addon.core import cameras, under_water
+from lake_water_addon.core.techniques import TECHNIQUES
 from lake_water_addon.core.under_water import Side, ViewSide
 from tests.gpu import scenes
 from tests.gpu.pictures import SIZE, draw, draw_plan, planned
@@ -477,6 +478,24 @@ def test_no_pixel_is_undefined_at_the_extremes(renderer, case, exact):
         assert picture.min() >= 0.0
         assert picture[..., :3].max() <= 12.0 * np.max(scenes.SKY_RADIANCE + 3.0 / np.pi)
         assert np.all(picture[..., 3] > 0.999)
+
+
+@pytest.mark.parametrize("technique", TECHNIQUES)
+def test_every_technique_can_be_cut_and_dived_from(renderer, technique):
+    """Their shaders of both sides compile together; under water they are one."""
+    scene = pond_at()
+    camera = cutting_camera(scene, "level")
+    if planned(scene, camera, technique=technique).bodies[0].side.side is not Side.SPLIT:  # it has no waves
+        camera = scenes.look_at((*EYE, 0.0), (0, 0, 0.0))
+    plan = planned(scene, camera, technique=technique)
+    assert plan.bodies[0].side.side is Side.SPLIT
+    picture = draw_plan(renderer, plan)
+    over = heights_over_surface(plan)
+    step = max(np.abs(np.diff(over, axis=i)).max() for i in (0, 1))
+    for side, mask in ((Side.AIR, over > 4 * step), (Side.UNDER, over < -4 * step)):
+        pure = draw_plan(renderer, forced(plan, side))
+        differs = np.any(np.abs(picture - pure) > 2e-6, axis=-1) & mask
+        assert mask.mean() > 0.1 and differs.sum() <= 0.001 * mask.sum()
 
 
 def test_diving_makes_nothing_after_the_first_frame_of_each_side(renderer):
