@@ -202,7 +202,7 @@ def water_radiance(
     """(n, 3) radiance of the water at U seen from E. normal: of the waves, facing the viewer."""
     p = in_water_frame(surface, body)
     ripple = ripple_normal(p, settings, time, maps)
-    n = optics.face_viewer(on_waves(normal, ripple, body), to_eye)
+    n = on_waves(normal, ripple, body)
     own = screen_coordinate(surface, body)
     at = own + lookup_shift(ripple, own, settings)
     water_color = np.array(body.body.settings.water_color)

@@ -121,7 +121,7 @@ def water_radiance(
     d = displacement(surface, body, settings, time, dudv_map)
     tilt = from_water_frame(settings.normal_strength * d, body)
     normal = np.concatenate([tilt, np.ones((len(d), 1))], axis=1)
-    normal = optics.face_viewer(normal / np.linalg.norm(normal, axis=1, keepdims=True), to_eye)
+    normal = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     depth, path = water_below(surface, body, textures.bottom_depth)
     own = screen_coordinate(surface, body)
     refracted = radiance_near(

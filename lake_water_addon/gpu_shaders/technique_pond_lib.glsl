@@ -96,7 +96,7 @@ vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
   vec3 ripple = pond_ripple_normal(p);
   float grey = texture(bias_map, pond_over_the_water(p)).r;
   vec4 layer = texture(impurity_map, p / POND_IMPURITY_TILE_SIZE);
-  vec3 n = face_viewer(pond_on_waves(normal, ripple), to_eye);
+  vec3 n = pond_on_waves(normal, ripple);
 
   vec2 own = screen_coordinate(surface);
   vec2 at = own + pond_lookup_shift(ripple, own);

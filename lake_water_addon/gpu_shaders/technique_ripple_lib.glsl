@@ -47,7 +47,6 @@ vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
 {
   vec2 d = ripple_displacement(surface);
   vec3 tilted = normalize(vec3(from_water_frame(RIPPLE_NORMAL_STRENGTH * d), 1.0));
-  tilted = face_viewer(tilted, to_eye);
   vec2 below = water_below(surface);
   vec2 own = screen_coordinate(surface);
   vec3 refracted = radiance_near(refraction_color, own + RIPPLE_REFRACTION_DISTORTION * d, own, vec3(0.0));

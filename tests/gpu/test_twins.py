@@ -1144,8 +1144,9 @@ def test_twin_screen_coordinate(case):
 
 @every_lake
 def test_twin_under_horizon(case):
-    """All over the picture; of a level camera, too, whose horizon is in its middle."""
-    for camera in (case.get("camera"), scenes.look_at((6, -9, 2), (0, 0, 2))):
+    """All over the picture; of level cameras, too, whose horizon is in the picture."""
+    level = scenes.look_at((6, -9, 2), (0, 0, 2))
+    for camera in (case.get("camera"), replace(level, projection=PROJECTIONS["shifted"]), level):
         own = ripple_case(**{**case, "camera": camera})
         at = single(RNG(66).uniform(-0.2, 1.2, (2000, 2)))
         got = evaluate_own(own, ("vec2", "under_horizon(uv)"), uv=at)
@@ -1237,7 +1238,14 @@ def test_twin_ripple_brightness():
     assert np.any(got == 0.0), "no case tried the clamp"
 
 
-@every_lake
+OWN_CASES = LAKE_CASES | {
+    "towards the sun": {"camera": scenes.look_at((-7, 5, 6), (0, 0, 0))},
+    "to the horizon": {"camera": scenes.look_at((6, -9, 0.05), (0, 0, 0.05)), "waves": ()},
+}
+every_own = pytest.mark.parametrize("case", OWN_CASES.values(), ids=OWN_CASES)
+
+
+@every_own
 def test_twin_ripple_water_radiance(case):
     own = ripple_case(**case)
     body, textures, maps, _, surface, normal, to_eye, _ = own
@@ -1336,7 +1344,7 @@ def test_twin_pond_highlight(sun):
     assert np.any(want > 0.5) == sun
 
 
-POND_CASES = LAKE_CASES | {"no sun": {"sun": False}}
+POND_CASES = OWN_CASES | {"no sun": {"sun": False}}
 
 
 @pytest.mark.parametrize("case", POND_CASES.values(), ids=POND_CASES)
