@@ -239,10 +239,14 @@ class FrameRenderer:
         return self._scene_depth_target(size).depth
 
     def draw_scene_depth(self, plan: FramePlan, timer: PassTimer, size: tuple[int, int]) -> None:
-        """The depth of the dry scene into a texture, for the fog over a picture that Blender has drawn."""
+        """The depth of the scene into a texture, for the fog over a picture that Blender has drawn.
+
+        That of the other waters, too: after `draw_textures`.
+        """
         target = self._scene_depth_target(size)
         with target.framebuffer.bind():
             self.draw_depth(plan, timer, target.framebuffer)
+            self._draw_other_surfaces(plan, SurfaceLook(plan.settings.technique))
 
     def _scene_depth_target(self, size: tuple[int, int]) -> Target:
         return self.targets.get(("scene depth",), size, ("R32F",))
@@ -269,14 +273,10 @@ class FrameRenderer:
         depth: when the picture begins in a body of water, that of what is drawn already; over: a framebuffer
         of the same colours without it, None where the bound one does not have that texture.
         """
-        lights = self.upload(plan)
-        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
         immersed = plan.immersed
         look = SurfaceLook(plan.settings.technique, view_transform=view_transform)
         with timer.measure("water", framebuffer):
-            for i, body in enumerate(plan.bodies):
-                if body.refraction.drawn and i != immersed:
-                    self._draw_surface(i, plan, look, lights, view)
+            self._draw_other_surfaces(plan, look)
         if immersed is None:
             return
         body, side = plan.bodies[immersed], self.near_side(plan, immersed)
@@ -286,19 +286,25 @@ class FrameRenderer:
         look = replace(look, near_side=side)
         with timer.measure("water", framebuffer):
             if body.refraction.drawn:
-                self._draw_surface(immersed, plan, look, lights, view)
+                self._draw_surface(immersed, plan, look)
             if body.under.refraction.drawn:
                 exact = plan.settings.use_exact_under_water
                 below = replace(look, from_below=True, exact=exact)
-                self._draw_surface(immersed, plan, below, lights, view)
+                self._draw_surface(immersed, plan, below)
         if side.heights is not None:
             with timer.measure("fog", framebuffer), over.bind() if over else nullcontext():
                 width = meniscus_width(depth.height * plan.whole_height)
                 self._fog.draw_meniscus(side, water, width, view_transform)
 
-    def _draw_surface(
-        self, i: int, plan: FramePlan, look: SurfaceLook, lights: GPUUniformBuf, view: GPUUniformBuf
-    ) -> None:
+    def _draw_other_surfaces(self, plan: FramePlan, look: SurfaceLook) -> None:
+        """Those of the bodies that the picture does not begin in."""
+        for i, body in enumerate(plan.bodies):
+            if body.refraction.drawn and i != plan.immersed:
+                self._draw_surface(i, plan, look)
+
+    def _draw_surface(self, i: int, plan: FramePlan, look: SurfaceLook) -> None:
+        lights = self.upload(plan)
+        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
         body, size = plan.bodies[i], plan.settings.texture_size
         if look.from_below:
             water = self._block("water from below", i).update(*uniforms.water(plan, body, from_below=True))

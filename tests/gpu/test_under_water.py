@@ -89,7 +89,7 @@ def test_thesis_shows_the_world_without_a_hole(renderer):
     body = scenes.water(half_size=200.0, k=0.0, water_color=(0.0, 0.0, 0.0))
     scene = scenes.snapshot((), (), (), (body,), sky=scenes.constant_sky((1.0, 1.0, 1.0)))
     camera = scenes.look_at((0, 0, -1.5), (0, 3, 0.5), fov=1.2)
-    picture = draw(renderer, scene, camera)[..., 0]
+    picture = draw(renderer, scene, camera, use_exact_under_water=False)[..., 0]
     cosine = directions(camera)[..., 2]
     f = ((1.333 - 1.0) / (1.333 + 1.0)) ** 2
     surface = cosine > 0.05
@@ -209,6 +209,31 @@ def test_other_water_is_seen_through_the_fog(renderer):
         distance = np.linalg.norm([0, 6, -3])
         expected = color + np.exp(-k * distance) * (np.array([0.8, 0.0, 0.0]) - color)
         np.testing.assert_allclose(picture.mean(axis=(0, 1)), expected, atol=0.01)
+
+
+def test_fog_over_a_picture_of_someone_else(renderer):
+    """As in Blender's viewport: depth of its own for the fog, with the other waters' surfaces in it."""
+    from lake_water_addon.render.frame import PassTimer
+    from tests.gpu.glsl import read_texture
+
+    pond = pond_at()
+    low = replace(scenes.water((3, -1, -2), half_size=2.0, waves=()), key="low")
+    scene = replace(pond, version=-44, waters=(*pond.waters, low))
+    plan = planned(scene, scenes.look_at((6, -9, -0.8), (2, -2, -2.0)))
+    assert plan.immersed == 0 and plan.bodies[1].drawn
+    expected = draw_plan(renderer, plan)
+    timer = PassTimer()
+    target = renderer.targets.get(("test, other", SIZE), SIZE, ("RGBA32F",))
+    renderer.draw_picture(plan.without_water(), target, timer)
+    renderer.draw_textures(plan, timer)
+    renderer.draw_scene_depth(plan, timer, SIZE)
+    with target.framebuffer.bind():
+        renderer.draw_water(plan, timer, target.framebuffer, renderer.scene_depth(SIZE))
+    picture = read_texture(target.colors[0])
+    # The ground is lit as in the air here, as by Blender: compare where the other water is.
+    other = np.abs(draw_plan(renderer, replace(plan, bodies=plan.bodies[:1])) - expected).max(axis=-1) > 0.02
+    assert other.any(), "the other water is not in the picture"
+    assert np.median(np.abs(expected - picture)[other].max(axis=-1)) < 1e-4
 
 
 # The surface cuts through the picture.
