@@ -8,9 +8,9 @@ behind what the texture shows, bisection leads to the place.
 
 A depth texture shows fronts. A ray that passes farther behind one than a thing is thick goes on; where it
 comes out again before the bottom, that is found as ever. One that stays behind until it ends has met
-something that the texture does not show: it takes the place where it was the least behind. One that ends
-in front of everything, or leaves the texture, has met nothing: refraction then gives the water's own
-colour, reflection the sky.
+something that the texture does not show: it takes the place where it was the least behind, unless it was
+far behind. One that ends in front of everything, or leaves the texture, has met nothing: refraction then
+gives the water's own colour, reflection the sky.
 
 Light that comes out of the water: with T = 1 - F of Fresnel's equations, T / n^2 of the radiance that the
 bottom has in the water, less what is absorbed on the way, by colour. `water_color` is the radiance of deep
@@ -46,6 +46,11 @@ BELOW_LOWEST = 0.1
 FARTHEST = 5e4
 """m: where a reflected ray ends; what is farther is sky."""
 
+HIDDEN_BOTTOM = 1.0
+HIDDEN_LAND = 0.4
+"""How far behind what hides it a ray may meet something, as a part of its own depth. There is always a
+bottom; behind what stands on land there is more often sky than not."""
+
 COASTAL_3 = (0.46, 0.19, 0.39)
 """1/m at 650, 550 and 450 nm: Jerlov's coastal water of type 3 (Marine Optics, 1976, table XXVII)."""
 
@@ -78,7 +83,7 @@ class TracedSettings(TechniqueSettings):
         },
     )
     thickness: float = field(
-        default=0.2,
+        default=0.5,
         metadata={
             "name": "Thickness",
             "description": "How thick things are taken to be, as only their fronts are seen: a ray that "
@@ -196,8 +201,8 @@ def behind(depth: np.ndarray, ray: TextureRay, part: np.ndarray) -> np.ndarray:
     return -(ray.origin[:, 2] + way * ray.direction[:, 2]) - shown
 
 
-def trace(depth: np.ndarray, ray: TextureRay, size: float, settings: TracedSettings) -> Trace:
-    """What rays meet in a depth texture: distances along its camera's axis."""
+def trace(depth: np.ndarray, ray: TextureRay, size: float, settings: TracedSettings, hidden: float) -> Trace:
+    """What rays meet in a depth texture: distances along its camera's axis. hidden: as `HIDDEN_LAND`."""
     across = np.ceil(np.linalg.norm(ray.to - ray.start, axis=1) * size)
     steps = np.clip(across, 1, settings.march_steps)
     before = np.minimum(behind(depth, ray, np.zeros(len(steps))), 0.0)
@@ -227,7 +232,8 @@ def trace(depth: np.ndarray, ray: TextureRay, size: float, settings: TracedSetti
         found = np.where(is_hit, part, np.where(nearer, np.minimum(i / steps, 1.0), found))
         before = np.where(active, now, before)
         open_rays &= ~is_hit
-    known = ~open_rays | (before > 0.0)
+    ray_depth = -(ray.origin[:, 2] + way_at(ray, found) * ray.direction[:, 2])
+    known = ~open_rays | ((before > 0.0) & (least < hidden * ray_depth))
     found = np.where(known, found, 1.0)
     return Trace(ray.at(found), way_at(ray, found), known.astype(float))
 
@@ -248,7 +254,8 @@ def trace_refraction(
     end = (np.maximum(surface[:, 2] - body.lowest, 0.0) + BELOW_LOWEST) / descent
     planned, size = body.refraction, len(depth)
     origin, along = in_camera(planned, surface), _along(planned.view, direction)
-    return trace(depth, texture_ray(origin, along, planned.projection, end, size), size, settings)
+    ray = texture_ray(origin, along, planned.projection, end, size)
+    return trace(depth, ray, size, settings, HIDDEN_BOTTOM)
 
 
 def trace_reflection(
@@ -262,7 +269,8 @@ def trace_reflection(
     planned, size = body.reflection, len(depth)
     origin, along = in_camera(planned, surface), _along(planned.view, direction)
     end = np.full(len(surface), FARTHEST)
-    return trace(depth, texture_ray(origin, along, planned.projection, end, size), size, settings)
+    ray = texture_ray(origin, along, planned.projection, end, size)
+    return trace(depth, ray, size, settings, HIDDEN_LAND)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,8 @@
 #define LEAST_DESCENT 0.05
 #define BELOW_LOWEST 0.1
 #define FARTHEST 5e4
+#define HIDDEN_BOTTOM 1.0
+#define HIDDEN_LAND 0.4
 
 // A ray in the space of a texture's camera, and the straight line that it is in the texture.
 struct TextureRay {
@@ -92,11 +94,11 @@ float behind(sampler2D map, TextureRay ray, float part)
   return -(ray.origin.z + way * ray.direction.z) - depth;
 }
 
-Trace trace(sampler2D map, TextureRay ray, float size)
+// hidden: how far behind what hides it a ray may meet something, as a part of its own depth.
+Trace trace(sampler2D map, TextureRay ray, float size, float hidden)
 {
   int steps = int(clamp(ceil(distance(ray.from, ray.to) * size), 1.0, float(MARCH_STEPS)));
-  float before = behind(map, ray, 0.0);
-  before = min(before, 0.0);
+  float before = min(behind(map, ray, 0.0), 0.0);
   float least = 1e30;
   float found = 1.0;
   for (int i = 1; i <= steps; i++) {
@@ -135,7 +137,10 @@ Trace trace(sampler2D map, TextureRay ray, float size)
   }
   // Behind something to the end: the place where it is least.
   if (before > 0.0) {
-    return Trace(mix(ray.from, ray.to, found), way_at(ray, found), 1.0);
+    float way = way_at(ray, found);
+    if (least < -hidden * (ray.origin.z + way * ray.direction.z)) {
+      return Trace(mix(ray.from, ray.to, found), way, 1.0);
+    }
   }
   return Trace(ray.to, ray.end, 0.0);
 }
@@ -146,7 +151,8 @@ Trace trace_refraction(vec3 surface, vec3 direction)
   vec3 origin = transform_point(water.refraction_view, surface);
   vec3 along = transform_direction(water.refraction_view, direction);
   float size = water.fresnel.w;
-  return trace(refraction_depth, texture_ray(origin, along, water.refraction_projection, end, size), size);
+  TextureRay ray = texture_ray(origin, along, water.refraction_projection, end, size);
+  return trace(refraction_depth, ray, size, HIDDEN_BOTTOM);
 }
 
 Trace trace_reflection(vec3 surface, vec3 direction)
@@ -154,7 +160,8 @@ Trace trace_reflection(vec3 surface, vec3 direction)
   vec3 origin = transform_point(water.reflection_view, surface);
   vec3 along = transform_direction(water.reflection_view, direction);
   float size = water.fresnel.w;
-  return trace(reflection_depth, texture_ray(origin, along, water.reflection_projection, FARTHEST, size), size);
+  TextureRay ray = texture_ray(origin, along, water.reflection_projection, FARTHEST, size);
+  return trace(reflection_depth, ray, size, HIDDEN_LAND);
 }
 
 vec3 traced_refraction(vec3 surface, vec3 direction)

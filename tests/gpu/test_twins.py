@@ -31,6 +31,7 @@ from lake_water_addon.core import (
     technique_ripple,
     technique_settings,
     technique_simple_lake,
+    technique_traced,
     under_water,
     view_transform,
     water_light,
@@ -2035,3 +2036,259 @@ def test_twin_coverage():
         "c"
     ]
     compare(got, caustics.coverage(missing, texel, 100, 2.0), 8 * EPS)
+
+
+# technique_traced_lib.glsl
+
+TRACED_SOURCES = (*WATER_SOURCES[:4], "technique_traced_lib.glsl")
+
+
+def traced_case(camera=None, size=96, **settings):
+    """A plan, uneven distances with edges and holes in both textures, and points of the surface seen."""
+    from lake_water_addon.render import uniforms
+
+    own = technique_traced.TracedSettings(24, 5, 0.3, (0.4, 0.2, 0.3))
+    plan = planned(
+        scenes.pond(own=(own,), **settings),
+        camera or scenes.look_at((6, -9, 5), (0, 0, 0)),
+        technique="TRACED",
+        texture_size=size,
+    )
+    body = plan.bodies[0]
+    y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
+    rgb = np.stack([0.5 + 0.4 * np.sin(5 * x), 0.5 + 0.4 * np.cos(4 * y), 0.3 + 0.2 * x * y], -1)
+    color = single(np.concatenate([rgb, np.ones((size, size, 1))], -1))
+    bottom = 12.0 - 5.0 * y + 0.5 * np.sin(9 * x) * np.cos(7 * y)
+    bottom[20:50, 40:44] -= 2.0  # a post
+    bottom[70:80, 10:20] = 1e5
+    land = 25.0 + 8.0 * np.sin(6 * x + 2)
+    land[60:, :] = 1e5  # the sky
+    land[30:70, 60:70] = 14.0
+    land[10:20, 20:30] = 0.0  # the inside of something
+    bottom, land = single(bottom), single(land)
+    lookups = air_lookup.WaterTextures(
+        linear_filter(color),
+        None,
+        linear_filter(color[::-1]),
+        lambda d: np.broadcast_to(scenes.SKY_RADIANCE, d.shape),
+        0.03,
+    )
+    gpu_arguments = {
+        "sources": TRACED_SOURCES,
+        "uniform_buffers": {
+            "lights": ("Lights", lights_block(plan.snapshot)),
+            "water": ("Water", water_block(plan)),
+            "technique": ("Technique", block_of([uniforms.technique(own, plan)])),
+        },
+        "samplers": {
+            "sky_image": ("FLOAT_2D", data_texture(np.zeros((1, 1, 4)))),
+            "refraction_color": ("FLOAT_2D", data_texture(color, smooth=True)),
+            "refraction_depth": ("FLOAT_2D", data_texture(bottom)),
+            "reflection_color": ("FLOAT_2D", data_texture(color[::-1], smooth=True)),
+            "reflection_depth": ("FLOAT_2D", data_texture(land)),
+        },
+    }
+    xy = RNG(40).uniform(-6, 6, (4000, 2))
+    packed = body.packed_waves
+    surface = single(np.concatenate([xy, waves.height(packed, xy)[:, None]], 1))
+    if cameras.is_orthographic(plan.camera.projection):
+        to_eye = single(np.broadcast_to(plan.camera.view[2, :3], surface.shape))
+    else:
+        eye = cameras.eye_position(plan.camera.view)
+        to_eye = single((eye - surface) / np.linalg.norm(eye - surface, axis=1, keepdims=True))
+    normal = single(optics.face_viewer(waves.normal(packed, xy), to_eye))
+    textures = technique_traced.TracedTextures(lookups, bottom, land)
+    return body, own, textures, gpu_arguments, surface, normal, to_eye
+
+
+TRACED_CASES = {
+    "perspective": {},
+    "steep": {"waves": scenes.STEEP_WAVES},
+    "orthographic": {"camera": scenes.look_at((6, -9, 5), (0, 0, 0), ortho=14.0)},
+}
+every_trace = pytest.mark.parametrize("case", TRACED_CASES.values(), ids=TRACED_CASES)
+
+
+def rays_of(case):
+    """Refracted rays in the refraction camera's space: (ray of the twin, end, projection, size, others)."""
+    body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
+    planned_pass, size = body.refraction, len(textures.refraction_depth)
+    view = planned_pass.view
+    bent = optics.refract_direction(-to_eye, normal, N12)[0]
+    origin = single(surface @ view[:3, :3].T + view[:3, 3])
+    along = single(bent @ view[:3, :3].T)
+    along[:200] *= -1.0  # towards the camera
+    along[200:800] = unit_vectors(600, 47)  # most of these leave the texture
+    end = single(RNG(41).uniform(0.1, 40.0, len(origin)))
+    projection = single(planned_pass.projection)
+    ray = technique_traced.texture_ray(origin, along, projection, end, size)
+    statement = f"TextureRay ray = texture_ray(o, d, m, e, {size}.0);"
+    inputs = {"o": origin, "d": along, "e": end, "m": repeated(projection, len(origin))}
+    return ray, statement, inputs, own, textures, gpu_arguments
+
+
+@every_trace
+def test_twin_texture_ray(case):
+    """Float32 cancels where a ray hardly changes its place in the texture: 1e-4 of the way is allowed."""
+    ray, statement, inputs, _, _, gpu_arguments = rays_of(case)
+    got = evaluate(
+        results={
+            "ends": ("vec4", "vec4(ray.from, ray.to)"),
+            "w": ("vec4", "vec4(ray.w, ray.dw, ray.end, ray.texel_width)"),
+        },
+        statements=statement,
+        **inputs,
+        **gpu_arguments,
+    )
+    shortened = ray.end < inputs["e"] * 0.999
+    assert 0.05 < shortened.mean() < 0.95
+    compare(got["ends"], np.concatenate([ray.start, ray.to], axis=1), 5e-4)
+    want = np.stack([ray.w, ray.dw, ray.end, np.full(len(ray.w), ray.texel_width)], axis=1)
+    compare(got["w"], want, 1e-5, 2e-4)
+
+
+@every_trace
+def test_twin_way_at(case):
+    ray, statement, inputs, _, _, gpu_arguments = rays_of(case)
+    part = single(RNG(42).uniform(0, 1, len(ray.w)))
+    got = evaluate(
+        results={"t": ("float", "way_at(ray, part)")},
+        statements=statement,
+        part=part,
+        **inputs,
+        **gpu_arguments,
+    )["t"]
+    want = technique_traced.way_at(ray, part)
+    compare(got, want, 1e-5, 1e-3)
+    # It is the perspective-correct one: the point there projects onto the straight line.
+    projection = single(inputs["m"][0])
+    uv = cameras.to_texture(projection, ray.origin + want[:, None] * ray.direction)
+    np.testing.assert_allclose(uv, ray.at(part), atol=1e-9)
+
+
+@every_trace
+def test_twin_texel_at(case):
+    ray, statement, inputs, _, _, gpu_arguments = rays_of(case)
+    way = single(RNG(43).uniform(0, 3, len(ray.w)))
+    got = evaluate(
+        results={"m": ("float", "texel_at(ray, t)")}, statements=statement, t=way, **inputs, **gpu_arguments
+    )["m"]
+    compare(got, technique_traced.texel_at(ray, way), 1e-6, 1e-5)
+
+
+def test_twin_depth_between():
+    """Also beyond the border, and across the edges of the post and the hole."""
+    _, _, textures, gpu_arguments, *_ = traced_case()
+    uv = RNG(44).uniform(-0.1, 1.1, (4000, 2))
+    uv[:4] = (0.0, 0.0), (1.0, 1.0), (1e6, -1e6), (0.5, 1.0)
+    uv = single(uv)
+    jump = single(RNG(45).choice([0.05, 1.0, 1e6], len(uv)))
+    got = evaluate(
+        results={"z": ("float", "depth_between(refraction_depth, uv, jump)")},
+        uv=uv,
+        jump=jump,
+        **gpu_arguments,
+    )["z"]
+    want = technique_traced.depth_between(textures.refraction_depth, uv, jump)
+    differs = np.abs(got - want) > 1e-3 * (1.0 + np.abs(want) * 1e-3)
+    assert differs.mean() < 0.002  # the border between two texels is rounding
+    smooth = linear_filter(textures.refraction_depth[..., None])(uv)[:, 0]
+    assert np.median(np.abs(want - smooth)[jump == 1e6]) < 1e-9
+    assert np.mean(np.abs(want - smooth)[jump < 0.1] > 1e-6) > 0.1
+
+
+@every_trace
+def test_twin_behind(case):
+    ray, statement, inputs, _, textures, gpu_arguments = rays_of(case)
+    part = single(RNG(46).uniform(0, 1, len(ray.w)))
+    got = evaluate(
+        results={"z": ("float", "behind(refraction_depth, ray, part)")},
+        statements=statement,
+        part=part,
+        **inputs,
+        **gpu_arguments,
+    )["z"]
+    want = technique_traced.behind(textures.refraction_depth, ray, part)
+    assert np.mean(np.abs(got - want) > 5e-3 * (1.0 + 1e-3 * np.abs(want))) < 0.01
+
+
+def compare_traces(got, want, size):
+    """1/10 texel and 2 cm of the way in 99 of 100 cases: the others decide differently by rounding."""
+    assert np.isfinite(got).all()
+    apart = np.linalg.norm(got[:, :2] - want.uv, axis=1) * size > 0.1
+    apart |= np.abs(got[:, 2] - want.way) > 0.02 * (1.0 + 0.1 * want.way)
+    apart |= got[:, 3] != want.known
+    assert apart.mean() < 0.01, f"{apart.mean():.2%} differ"
+
+
+@every_trace
+def test_twin_trace(case):
+    ray, statement, inputs, own, textures, gpu_arguments = rays_of(case)
+    size = len(textures.refraction_depth)
+    for hidden in (0.4, 1.0):
+        got = evaluate(
+            results={"t": ("vec4", "vec4(t.uv, t.way, t.known)")},
+            statements=f"{statement} Trace t = trace(refraction_depth, ray, {size}.0, {hidden});",
+            **inputs,
+            **gpu_arguments,
+        )["t"].astype(np.float64)
+        compare_traces(got, technique_traced.trace(textures.refraction_depth, ray, size, own, hidden), size)
+        assert 0.2 < got[:, 3].mean() < 0.999
+
+
+def check_trace_through_camera(case, which):
+    """`trace_refraction` or `trace_reflection`, from points and directions in render space."""
+    body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
+    if which == "refraction":
+        direction, depth = optics.refract_direction(-to_eye, normal, N12)[0], textures.refraction_depth
+    else:
+        direction, depth = optics.reflect_upwards(-to_eye, normal), textures.reflection_depth
+    direction = single(direction)
+    got = evaluate(
+        results={"t": ("vec4", "vec4(t.uv, t.way, t.known)")},
+        statements=f"Trace t = trace_{which}(u, r);",
+        u=surface,
+        r=direction,
+        **gpu_arguments,
+    )["t"].astype(np.float64)
+    twin = getattr(technique_traced, f"trace_{which}")
+    compare_traces(got, twin(surface, direction, body, own, depth), len(depth))
+
+
+@every_trace
+def test_twin_trace_refraction(case):
+    check_trace_through_camera(case, "refraction")
+
+
+@every_trace
+def test_twin_trace_reflection(case):
+    check_trace_through_camera(case, "reflection")
+
+
+@every_trace
+def test_twin_traced_refraction(case):
+    body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
+    direction = single(optics.refract_direction(-to_eye, normal, N12)[0])
+    got = evaluate(
+        results={"c": ("vec3", "traced_refraction(u, r)")}, u=surface, r=direction, **gpu_arguments
+    )["c"]
+    compare_radiance(got, technique_traced.traced_refraction(surface, direction, body, own, textures))
+
+
+@every_trace
+def test_twin_traced_reflection(case):
+    body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
+    direction = single(optics.reflect_upwards(-to_eye, normal))
+    got = evaluate(
+        results={"c": ("vec3", "traced_reflection(u, r)")}, u=surface, r=direction, **gpu_arguments
+    )["c"]
+    compare_radiance(got, technique_traced.traced_reflection(surface, direction, body, own, textures))
+
+
+@every_trace
+def test_twin_water_radiance_traced(case):
+    body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
+    got = evaluate(
+        results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **gpu_arguments
+    )["c"]
+    compare_radiance(got, technique_traced.water_radiance(surface, normal, to_eye, body, own, textures))
