@@ -21,6 +21,7 @@ Points and directions are in render space (see `plan`); `uv` are coordinates in 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -66,8 +67,11 @@ MIN_COVERAGE = 0.45
 FINEST_COUNT = 2.0**31
 """Units of the counters in a value of 1, unless a single photon may be more than that."""
 
-CHUNK = 1 << 16
-"""Photons that the processor sums at a time: few enough for its caches."""
+CHUNK = 1 << 17
+"""Photons that the processor sums at a time."""
+
+BATCH = 1 << 20
+"""Texels of their tents that it adds at a time; 16 bytes each."""
 
 
 class WavesAt(NamedTuple):
@@ -100,7 +104,7 @@ class Photon(NamedTuple):
 
 
 class Deposit(NamedTuple):
-    """What texels of the photon map add to the caustics. center, half_width: (n, 2) texels.
+    """What texels of the photon map add to the caustics. center, half_width: (2, n) texels.
 
     light: (n,) of photons that landed; missing: (n,) of those that were not launched from water, where a calm
     surface would have sent them.
@@ -267,7 +271,7 @@ def photon(point: WaterPoint, mesh_turn: np.ndarray, launch: np.ndarray, scene: 
 
 
 def tent_spread(spread: np.ndarray, size: int, spacing: float) -> np.ndarray:
-    """Half widths in texels of the tents of photons with `spread` (..., 2) in uv.
+    """Half widths in texels of the tents of photons with these spreads in uv.
 
     spacing: texels from photon to photon under a calm surface, which the limits leave alone.
     """
@@ -277,7 +281,7 @@ def tent_spread(spread: np.ndarray, size: int, spacing: float) -> np.ndarray:
 def tent_before(z: np.ndarray) -> np.ndarray:
     """Part of a tent over [-1, 1] that lies before z: 1/2 + z - z |z| / 2."""
     z = np.clip(z, -1.0, 1.0)
-    return 0.5 + z - 0.5 * z * np.abs(z)
+    return 0.5 + z * (1.0 - 0.5 * np.abs(z))
 
 
 def tent_part(texel: np.ndarray, center: np.ndarray, half_width: np.ndarray) -> np.ndarray:
@@ -286,18 +290,23 @@ def tent_part(texel: np.ndarray, center: np.ndarray, half_width: np.ndarray) -> 
 
 
 def deposit(found: np.ndarray, spread: np.ndarray, index: np.ndarray, size: int, spacing: float) -> Deposit:
-    """What the texels `index` (n, 2) = (x, y) of a photon map add.
+    """What the texels `index` (2, n) = (x, y) of a photon map add.
 
-    found: (n, 4) landing x, y in uv, light, 1 where it landed; spread: (n, 2) in uv, 0 without water.
+    found: (4, n) landing x, y in uv, light, 1 where it landed; spread: (2, n) in uv, 0 without water.
     """
-    dry = spread[:, :1] <= 0.0
     flux = spacing * spacing
-    return Deposit(
-        np.where(dry, (index + 0.5) * spacing, found[:, :2] * size).astype(found.dtype),
-        np.where(dry, spacing, tent_spread(spread, size, spacing)).astype(found.dtype),
-        np.where(dry[:, 0] | (found[:, 3] <= 0.5), 0.0, flux * found[:, 2]).astype(found.dtype),
-        np.where(dry[:, 0], flux, 0.0),
+    given = Deposit(
+        found[:2] * size,
+        tent_spread(spread, size, spacing),
+        np.where(found[3] > 0.5, flux * found[2], 0.0),
+        np.zeros_like(found[2]),
     )
+    dry = np.flatnonzero(spread[0] <= 0.0)
+    if len(dry):
+        given.center[:, dry] = (index[:, dry] + 0.5) * spacing
+        given.half_width[:, dry] = spacing
+        given.light[dry], given.missing[dry] = 0.0, flux
+    return given
 
 
 def border_coverage(texel: np.ndarray, size: int, spacing: float) -> np.ndarray:
@@ -366,19 +375,24 @@ def sum_photons(photon_map: np.ndarray, spread_map: np.ndarray, size: int) -> np
     `deposit`). What of a tent lies outside the window is lost.
     """
     photons = len(photon_map)
-    found, spread = photon_map.reshape(-1, 4), spread_map.reshape(-1, 2)
-    sums = np.zeros((size, size, 2), np.float32)
+    found, spread = photon_map.reshape(-1, 4).T, spread_map.reshape(-1, 2).T
+    index = np.indices((photons, photons), np.int32)[::-1].reshape(2, -1)
     total = np.zeros((size, size))
-    dry = np.zeros(photons * photons, np.float32)
+    dry = np.empty(photons * photons, np.float32)
     for start in range(0, photons * photons, CHUNK):
         chunk = slice(start, start + CHUNK)
-        place = np.arange(start, start + len(found[chunk]))
-        index = np.stack([place % photons, place // photons], axis=1)
-        given = deposit(found[chunk], spread[chunk], index, size, size / photons)
-        dry[chunk] = given.missing > 0.0
+        given = deposit(
+            np.ascontiguousarray(found[:, chunk]),
+            np.ascontiguousarray(spread[:, chunk]),
+            index[:, chunk],
+            size,
+            size / photons,
+        )
+        np.greater(given.missing, 0.0, out=dry[chunk], casting="unsafe")
         lit = np.flatnonzero(given.light)
         if len(lit):
-            _add_tents(total, given.center[lit], given.half_width[lit], given.light[lit])
+            _add_tents(total, given.center[:, lit], given.half_width[:, lit], given.light[lit])
+    sums = np.zeros((size, size, 2), np.float32)
     sums[..., 0] = total
     if dry.any():
         sums[..., 1] = missing_light(dry.reshape(photons, photons), size)
@@ -386,44 +400,52 @@ def sum_photons(photon_map: np.ndarray, spread_map: np.ndarray, size: int) -> np
 
 
 def _add_tents(total: np.ndarray, center: np.ndarray, half_width: np.ndarray, amount: np.ndarray) -> None:
-    """Add tents of `amount` (n,) about `center` (n, 2), with half widths (n, 2), in texels.
+    """Add tents of `amount` (n,) about `center` (2, n), with half widths (2, n), in texels.
 
-    Sorted by the number of texels that they reach along x and y, so that each kind is a few operations on
-    whole arrays. A chunk of neighbouring photons falls into few rows of texels, which stay in a cache.
+    Sorted by the number of texels that they reach along x and y, so that many are a few operations on whole
+    arrays. A chunk of neighbouring photons falls into few rows of texels, which stay in a cache.
     """
     size = len(total)
     first = np.floor(center - half_width)
-    reach = (np.floor(center + half_width) - first).astype(np.int64) + 1
-    pad = int(reach.max())
-    kind = reach[:, 0] * (pad + 1) + reach[:, 1]
-    order = np.argsort(kind.astype(np.int16), kind="stable")
-    offset, scale = (first - center)[order].T, 1.0 / half_width[order].T
-    column, row = first[order].T.astype(np.int64)
-    low = int(row.min())
-    width, height = size + 2 * pad, int(row.max()) - low + pad
-    place = (row - low) * width + column + pad
-    amount = amount[order]
-    entries = int(np.sum(reach[:, 0] * reach[:, 1]))
-    places, amounts = np.empty(entries, np.int64), np.empty(entries)
+    reach = (np.floor(center + half_width) - first).astype(np.int32) + 1
+    pad, low = int(reach.max()), int(first[1].min())
+    width, height = size + 2 * pad, int(first[1].max()) - low + pad
+    kind = reach[0] * (pad + 1) + reach[1]
+    order = np.argsort(kind.astype(np.int16) if pad < 150 else kind, kind="stable")  # 16 bits sort fastest
+    column, row = first.astype(np.int64)
+    place = ((row - low) * width + (column + pad))[order]
+    scale = 1.0 / half_width
+    begin = ((first - center) * scale)[:, order]
+    scale, amount = scale[:, order], amount[order]
+
+    added = np.zeros(height * width)
+    room = max(BATCH, pad * pad)
+    places, amounts = np.empty(room, np.int64), np.empty(room)
     photon = entry = 0
-    for of_kind, count in enumerate(np.bincount(kind).tolist()):
-        if count == 0:
-            continue
+    kinds = np.bincount(kind)
+    for of_kind in np.flatnonzero(kinds).tolist():
         along_x, along_y = divmod(of_kind, pad + 1)
-        these = slice(photon, photon + count)
-        shape = (along_y, along_x, count)
-        here = slice(entry, entry + along_y * along_x * count)
-        photon, entry = these.stop, here.stop
-        x = _tent_parts(offset[0, these], scale[0, these], along_x)
-        y = _tent_parts(offset[1, these], scale[1, these], along_y) * amount[these]
-        np.multiply(y[:, None], x, out=amounts[here].reshape(shape))
         steps = np.arange(along_y)[:, None] * width + np.arange(along_x)
-        np.add(place[these], steps[..., None], out=places[here].reshape(shape))
-    added = np.bincount(places, amounts, height * width).reshape(height, width)[:, pad : pad + size]
+        end = photon + int(kinds[of_kind])
+        while photon < end:
+            if entry + steps.size > room:
+                added += np.bincount(places[:entry], amounts[:entry], len(added))
+                entry = 0
+            these = slice(photon, min(end, photon + (room - entry) // steps.size))
+            shape = (*steps.shape, these.stop - these.start)
+            here = slice(entry, entry + math.prod(shape))
+            x = _tent_parts(begin[0, these], scale[0, these], along_x)
+            y = _tent_parts(begin[1, these], scale[1, these], along_y) * amount[these]
+            np.multiply(y[:, None], x, out=amounts[here].reshape(shape))
+            np.add(place[these], steps[..., None], out=places[here].reshape(shape))
+            photon, entry = these.stop, here.stop
+    added += np.bincount(places[:entry], amounts[:entry], len(added))
+    added = added.reshape(height, width)[:, pad : pad + size]
     total[max(low, 0) : low + height] += added[max(-low, 0) : size - low]
 
 
-def _tent_parts(offset: np.ndarray, scale: np.ndarray, count: int) -> np.ndarray:
-    """(count, n) parts of n tents in `count` texels; the first begins `offset` (n,) from the middle."""
-    edges = np.arange(count + 1, dtype=offset.dtype)[:, None]
-    return np.diff(tent_before((offset + edges) * scale), axis=0)
+def _tent_parts(begin: np.ndarray, scale: np.ndarray, count: int) -> np.ndarray:
+    """(count, n) parts of n tents in `count` texels; the first begins at `begin`, and one is `scale` wide."""
+    edges = np.arange(count + 1, dtype=begin.dtype)[:, None]
+    before = tent_before(begin + edges * scale)
+    return before[1:] - before[:-1]

@@ -699,29 +699,29 @@ def in_water(technique="LAKE"):
 
 
 def water_light_options(plan, depths, depth, caustics):
-    """Blocks, textures and defines of the water's light."""
+    """Blocks, textures and defines of the water's light. caustics: None for a calm surface."""
     from lake_water_addon.render import uniforms
 
     body = plan.bodies[0]
     options = shadow_options(plan, depths)
-    options["defines"]["CAUSTICS"] = ""
     options["uniform_buffers"] |= {
         "water": ("Water", block_of(uniforms.water(plan, body))),
         "water_light": ("WaterLight", block_of(uniforms.water_light(plan, body))),
     }
-    smooth = data_texture(np.repeat(caustics, 4, axis=2))
-    smooth.filter_mode(True)
-    smooth.extend_mode("EXTEND")
-    options["samplers"] |= {
-        "light_depth": ("FLOAT_2D", data_texture(np.repeat(depth[..., None], 4, axis=2))),
-        "caustics": ("FLOAT_2D", smooth),
-    }
+    options["samplers"]["light_depth"] = ("FLOAT_2D", data_texture(np.repeat(depth[..., None], 4, axis=2)))
+    if caustics is not None:
+        smooth = data_texture(np.repeat(caustics, 4, axis=2))
+        smooth.filter_mode(True)
+        smooth.extend_mode("EXTEND")
+        options["defines"]["CAUSTICS"] = ""
+        options["samplers"]["caustics"] = ("FLOAT_2D", smooth)
     return options
 
 
-def evaluate_in_water(expression, technique="LAKE", **inputs):
+def evaluate_in_water(expression, technique="LAKE", calm=False, **inputs):
     """The expression, which is a float, over the points of `in_water`; and what the twin needs."""
     plan, points, depth, caustics = in_water(technique)
+    caustics = None if calm else caustics
     depths = shadowed()[2]
     got = evaluate(
         ["water_light_lib.glsl"],
@@ -737,7 +737,7 @@ def evaluate_in_water(expression, technique="LAKE", **inputs):
         return linear_filter(caustics)(uv)[:, 0]
 
     light = water_light.light_through_water(
-        points, body, caustic, lambda at: shadows.visibility(at, up, plan.shadows, depths)
+        points, body, None if calm else caustic, lambda at: shadows.visibility(at, up, plan.shadows, depths)
     )
     return got, plan, points, depth, light
 
@@ -747,9 +747,11 @@ def test_twin_calm_light_path():
     compare(got, water_light.calm_light_path(points, plan.bodies[0]), 1e-5)
 
 
-def test_twin_light_through_water():
-    got, _, _, _, light = evaluate_in_water(("float", "light_through_water(p)"))
-    # 8-bit fractions in the texture filter.
+@pytest.mark.parametrize("calm", [False, True])
+def test_twin_light_through_water(calm):
+    got, _, _, _, light = evaluate_in_water(("float", "light_through_water(p)"), calm=calm)
+    assert np.ptp(light) > 0.5
+    # 8-bit fractions in the texture filter; texels of shadows that rounding chooses.
     assert np.mean(np.abs(got - light) > 0.02) < 0.01, np.abs(got - light).max()
 
 
@@ -2009,10 +2011,10 @@ def test_twin_deposit(photons, texels):
     results |= {name: ("float", f"{call}.{name}") for name in ("light", "missing")}
     sizes = {"size": np.full(photons**2, texels, float), "spacing": np.full(photons**2, spacing)}
     got = evaluate(["caustics_lib.glsl"], results, f=found, s=spread, i=index, **sizes)
-    want = caustics.deposit(found, spread, index, texels, spacing)
+    want = caustics.deposit(found.T, spread.T, index.T, texels, spacing)
     assert np.any(want.missing) and np.any(want.light) and np.any((want.light == 0) & (want.missing == 0))
     for name in results:
-        compare(got[name], getattr(want, name), 1e-30, 4 * EPS)
+        compare(got[name], getattr(want, name).T, 1e-30, 4 * EPS)
 
 
 @pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
