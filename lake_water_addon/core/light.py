@@ -13,7 +13,7 @@ import numpy as np
 
 from . import cameras, optics
 
-STEPS_PER_DOUBLING = 4
+STEPS_PER_DOUBLING = 2
 """Sizes that a window may have between one and twice that."""
 
 BORDER = 4

@@ -19,12 +19,13 @@ from collections.abc import Callable
 import numpy as np
 
 from . import cameras, optics
+from .light import BORDER
 from .lookup import inside_texture
 from .plan import BodyPlan
 from .snapshot import Sun
 
-WINDOW_FADE = 0.03
-"""Width, as a part of the window, over which the caustics give way to the light through a calm surface."""
+WINDOW_FADE = BORDER
+"""Texels of the light depth over which the caustics give way to the light through a calm surface."""
 
 
 def calm_light_path(position: np.ndarray, body: BodyPlan) -> np.ndarray:
@@ -40,19 +41,17 @@ def light_through_water(
 ) -> np.ndarray:
     """L (n,) at points (n, 3) in render space.
 
-    caustics: uv (n, 2) in the light camera's window -> (n,), or None without; visibility_in_air: points
-    (n, 3) of the surface -> part of the sun that is seen from there (n,).
+    caustics: uv (n, 2) in the light camera's window -> (n,), or None without. visibility_in_air: points
+    (n, 3) of the surface -> part of the sun that is seen from there (n,), which the caustics' photons know
+    themselves. What a view sees lies within their window, but for the border over which they fade.
     """
     path = calm_light_path(position, body)
-    surface = position - path[:, None] * body.light.camera.direction
-    calm = (
-        body.light.transmittance * optics.attenuation(body.body.settings.k, path) * visibility_in_air(surface)
-    )
-    if caustics is None:
-        return calm
+    calm = body.light.transmittance * optics.attenuation(body.body.settings.k, path)
     camera = body.light.camera
+    if caustics is None:
+        return calm * visibility_in_air(position - path[:, None] * camera.direction)
     uv = cameras.to_texture(camera.projection, position @ camera.view[:3, :3].T + camera.view[:3, 3])
-    known = inside_texture(uv, WINDOW_FADE)
+    known = inside_texture(uv, WINDOW_FADE / camera.resolution)
     return calm + known * (caustics(uv) - calm)
 
 

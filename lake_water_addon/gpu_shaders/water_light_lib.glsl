@@ -5,8 +5,8 @@
 #include "optics_lib.glsl"
 #include "shadow_lib.glsl"
 
-// Width, as a part of the window, over which the caustics give way to the light through a calm surface.
-#define WINDOW_FADE 0.03
+// Width, in texels of the light depth, over which the caustics give way to the light through a calm surface.
+#define WINDOW_FADE 4.0
 
 // Length of the way of sunlight through the water under a calm surface, in m.
 float calm_light_path(vec3 position)
@@ -35,22 +35,16 @@ float light_through_water(vec3 position)
 {
   float path = calm_light_path(position);
   float calm = water_light.depth.z * attenuation(water.optics.x, path);
-  float known = 0.0;
 #ifdef CAUSTICS
+  // Photons know the shadows of what stands in the air. What is seen lies within their window, but for its fade.
   vec2 uv = to_texture(water_light.projection, transform_point(water_light.view, position));
   vec2 edge = min(uv, 1.0 - uv);
-  known = smoothstep(0.0, WINDOW_FADE, min(edge.x, edge.y));
-  float caustic = texture(caustics, uv).r;
-#endif
-#ifdef SHADOWS
-  // Photons know the shadows of what stands in the air.
-  if (known < 1.0) {
-    calm *= sun_visibility(position - path * water_light.direction.xyz, vec3(0.0, 0.0, 1.0));
-  }
-#endif
-#ifdef CAUSTICS
-  return mix(calm, caustic, known);
+  float known = smoothstep(0.0, WINDOW_FADE / water_light.depth.x, min(edge.x, edge.y));
+  return mix(calm, texture(caustics, uv).r, known);
 #else
+#  ifdef SHADOWS
+  calm *= sun_visibility(position - path * water_light.direction.xyz, vec3(0.0, 0.0, 1.0));
+#  endif
   return calm;
 #endif
 }
