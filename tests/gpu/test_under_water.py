@@ -236,6 +236,34 @@ def test_fog_over_a_picture_of_someone_else(renderer):
     assert np.median(np.abs(expected - picture)[other].max(axis=-1)) < 1e-4
 
 
+@pytest.mark.parametrize("use_caustics", [False, True])
+def test_bottom_seen_under_water_is_lit_through_the_water(renderer, use_caustics):
+    """Calm water: irradiance s.z (1 - F) exp(-k d) of the sun and all of the sky's, and fog to the eye."""
+    albedo, depth, k, color = np.array([0.7, 0.5, 0.3]), 3.0, 0.25, np.array([0.02, 0.1, 0.08])
+    bed = scenes.grid_mesh("bed", 2, 40.0, -depth)
+    direction = np.array([0.5, -0.3, 0.8])
+    sun = scenes.Sun(direction / np.linalg.norm(direction), np.array([3.0, 2.9, 2.6]))
+    scene = scenes.snapshot(
+        (bed,),
+        (scenes.Material("sand", albedo),),
+        (("bed", "sand", [np.eye(4)]),),
+        (scenes.water(half_size=20.0, k=k, water_color=tuple(color)),),
+        sun=sun,
+    )
+    camera = scenes.look_at((1, 2, -1), (1, 4, -3))
+    picture = draw(renderer, scene, camera, use_caustics=use_caustics, use_shadows=use_caustics)
+    sine = np.sqrt(1.0 - sun.direction[2] ** 2) / 1.333
+    path = depth / np.sqrt(1.0 - sine**2)
+    f = ((1.333 - 1.0) / (1.333 + 1.0)) ** 2
+    passed = (1.0 - f) * (1.0 - (1.0 - sun.direction[2]) ** 5)
+    light = sun.irradiance * sun.direction[2] * passed * np.exp(-k * path) / np.pi + scenes.SKY_RADIANCE
+    distance = (depth - 1.0) / np.maximum(-directions(camera)[..., 2:], 1e-6)
+    expected = color + np.exp(-k * distance) * (albedo * light - color)
+    down = directions(camera)[..., 2] < -0.3
+    assert down.mean() > 0.5
+    np.testing.assert_allclose(picture[down][:, :3], expected[down], rtol=0.01)
+
+
 # The surface cuts through the picture.
 
 
