@@ -69,6 +69,9 @@ CASCADE_RATIO = 6.0
 LEAST_TEXEL = 4e-3
 """m: a nearer shadow texture is not worth while when its texels would be smaller."""
 
+SCHLICK = 5.0
+"""The exponent q of Schlick's own formula."""
+
 LEAST_SUN = 1e-3
 """Least z of the direction to a sun that lights the water: at 0.06 degrees all of it is reflected."""
 
@@ -277,8 +280,8 @@ def _as_drawn(body: WaterBody, technique: Technique) -> WaterBody:
     if own is not None and not own.displaces:
         changed["waves"] = ()
     if technique.spectral:
-        # Whatever knows no colours takes the mean, such as photons and the fog seen from under water.
-        changed["k"] = float(np.mean(own.absorption))
+        # For what knows no colours and no exact Fresnel term, such as photons and the view from under water.
+        changed = {**changed, "k": float(np.mean(own.absorption)), "q": SCHLICK}
     return replace(body, settings=replace(body.settings, **changed)) if changed else body
 
 

@@ -161,7 +161,8 @@ class Camera:
 class WaterSettings:
     """What a person set on a water body (MODEL's symbols).
 
-    own: settings that single techniques have, an instance of each class at most.
+    own: settings that single techniques have, an instance of each class at most. images: (class, sampler,
+    name of the image) of the images that a person chose for a technique.
     """
 
     k: float = 0.5
@@ -172,6 +173,7 @@ class WaterSettings:
     waves: tuple[SineWave, ...] = ()
     depth: float = 5.0  # m, for the dispersion relation
     own: tuple[TechniqueSettings, ...] = ()
+    images: tuple[tuple[type[TechniqueSettings], str, str], ...] = ()
 
     def of(self, kind: type[TechniqueSettings] | None) -> TechniqueSettings | None:
         """The settings of one class of a technique's own; its defaults where none are given."""

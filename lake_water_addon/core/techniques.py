@@ -10,7 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from .technique_pond import PondSettings
+from .technique_ripple import RippleSettings
 from .technique_settings import TechniqueSettings
+from .technique_simple_lake import SimpleLakeSettings
 from .technique_traced import TracedSettings
 
 
@@ -48,7 +51,10 @@ class Technique:
     spectral: bool = False
 
 
-_COMMON = frozenset({"ior", "water_color", "waves", "depth", "fov_ext", "texture_size"})
+_PICTURES = frozenset({"fov_ext", "texture_size"})
+_WAVES = frozenset({"waves", "depth"})
+_SUNLIGHT = frozenset({"k", "q", "ior"})  # in the water, which all but a spectral one take from there
+_LAKE = _PICTURES | _WAVES | _SUNLIGHT | {"c", "water_color"}
 
 TECHNIQUES: dict[str, Technique] = {
     "LAKE": Technique(
@@ -56,14 +62,38 @@ TECHNIQUES: dict[str, Technique] = {
         "Refraction camera turned into the water, several steps of the intersection search, Schlick's "
         "Fresnel term (Mihálik 2008). Draws the scene three times a frame: as seen, refracted and reflected",
         RefractionMap.TURNED,
-        _COMMON | {"k", "q", "c", "intersection_steps"},
+        _LAKE | {"intersection_steps"},
+    ),
+    "SIMPLE_LAKE": Technique(
+        "Simple Lake",
+        "As Lake, with the main camera for refraction, one short step and a simpler Fresnel term (Mihálik "
+        "and Ďurikovič). Draws the scene three times a frame; its water costs the least",
+        RefractionMap.MAIN,
+        _LAKE,
+        settings=SimpleLakeSettings,
+    ),
+    "POND": Technique(
+        "Pond",
+        "Two scrolling normal maps move what is seen through and mirrored in the water, under a material "
+        "with a highlight (Luna 2006). Draws the scene three times a frame",
+        RefractionMap.WHOLE,
+        _PICTURES | _WAVES | _SUNLIGHT | {"water_color"},
+        settings=PondSettings,
+    ),
+    "RIPPLE": Technique(
+        "Ripple",
+        "Flat water under a scrolling dudv map, more opaque with distance, angle and depth (Chen). Draws the "
+        "scene three times a frame",
+        RefractionMap.WHOLE,
+        _PICTURES | _SUNLIGHT,
+        settings=RippleSettings,
     ),
     "TRACED": Technique(
         "Traced",
         "Refracted and reflected rays followed through the depth of their pictures, exact Fresnel equations, "
         "absorption by color: the most accurate and the slowest. Draws the scene three times a frame",
         RefractionMap.APPARENT,
-        _COMMON,
+        _PICTURES | _WAVES | {"ior", "water_color"},
         settings=TracedSettings,
         reflection_depth=True,
         spectral=True,

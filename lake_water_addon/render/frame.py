@@ -14,6 +14,7 @@ from gpu.types import GPUFrameBuffer, GPUTexture, GPUUniformBuf
 from ..core.plan import FramePlan
 from ..core.under_water import Side, meniscus_width
 from . import uniforms
+from .map_textures import MapTextures
 from .passes import light, textures
 from .passes.accumulate import SampleMean
 from .passes.caustics import CausticsPainter
@@ -62,6 +63,7 @@ class FrameRenderer:
         self._fog = FogPainter(self.resources, self.library)
         self._caustics = CausticsPainter(self.resources, self.library, self.targets, self._water)
         self._glow = GlowPainter(self.resources, self.library, self.targets, self._water)
+        self._maps = MapTextures(self.resources)
         self.mean = SampleMean(self.resources, self.library)
         self._blocks: dict[tuple, UniformBlock] = {}
         self._drawn: dict[tuple, tuple] = {}  # what the textures of the sun's light were drawn from
@@ -316,7 +318,12 @@ class FrameRenderer:
             reflection = self._reflection_target(i, plan)
             if plan.technique.settings is not None:
                 own = body.body.settings.of(plan.technique.settings)
-                look = replace(look, own=self._block("technique", i).update(uniforms.technique(own, plan)))
+                images = {name: image for kind, name, image in body.body.settings.images if kind is type(own)}
+                look = replace(
+                    look,
+                    own=self._block("technique", i).update(uniforms.technique(own, plan)),
+                    maps=self._maps.of(own, images),
+                )
         self._water.draw(look, body, plan.origin, lights, view, water, refraction, reflection)
 
     def draw_picture(

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from gpu.types import GPUBatch, GPUShader, GPUTexture, GPUUniformBuf
@@ -59,13 +61,15 @@ class NearSide:
 
 @dataclass(frozen=True, eq=False)
 class SurfaceLook:
-    """How the surface is drawn. technique: from the air; own: block of the settings that only it has;
-    view_transform: table and range of `core/view_transform.py`, to draw in display colours; near_side: where
-    the picture may begin in this body; from_below: seen from the water, exact: by the exact equations.
+    """How the surface is drawn. technique: from the air; own: block of the settings that only it has, maps:
+    its images by sampler; view_transform: table and range of `core/view_transform.py`, to draw in display
+    colours; near_side: where the picture may begin in this body; from_below: seen from the water, exact: by
+    the exact equations.
     """
 
     technique: str
     own: GPUUniformBuf | None = None
+    maps: Mapping[str, GPUTexture] = MappingProxyType({})
     view_transform: ViewTransform | None = None
     near_side: NearSide | None = None
     from_below: bool = False
@@ -99,6 +103,7 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
             samplers.append(("FLOAT_2D", "reflection_depth"))
         if chosen.settings is not None:
             uniform_buffers.append(("Technique", "technique"))
+            samplers += [("FLOAT_2D", name) for name in chosen.settings.maps]
     if look.split:
         defines["SPLIT"] = ""
         samplers.append(("FLOAT_2D", "surface_heights"))
@@ -157,6 +162,8 @@ class WaterPainter:
                     shader.uniform_sampler("reflection_depth", reflection.colors[1])
                 if chosen.settings is not None:
                     shader.uniform_block("technique", look.own)
+                    for name, texture in look.maps.items():
+                        shader.uniform_sampler(name, texture)
             if look.split:
                 shader.uniform_block("near_plane", look.near_side.near_plane)
                 shader.uniform_sampler("surface_heights", look.near_side.heights)
