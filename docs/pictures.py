@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of docs/water_line.md: high waves at the jetty and at a boulder, with and without the remedy.
+"""The pictures of docs/light.md and docs/water_line.md: effects on and off, side by side.
 
     .venv/bin/python docs/pictures.py docs/images
+    .venv/bin/python docs/pictures.py docs/images --only caustics
 
-Without: the shaders' two lines that keep each texture to its side of the waves are switched off, and what is
-left is the thesis's clip plane. Each picture stands beside its twin, and below them a detail of both.
+The water line's: high waves at the jetty and at a boulder, with and without the remedy. Without: the
+shaders' two lines that keep each texture to its side of the waves are switched off, and what is left is the
+thesis's clip plane. Below, a detail of both.
 """
 
 from __future__ import annotations
@@ -26,11 +28,12 @@ sys.path.insert(0, str(ROOT))
 import lake_water_addon  # noqa: E402 - after the path
 from lake_water_addon.engine import last_render_report, release_final_host  # noqa: E402
 from lake_water_addon.render import shader_library  # noqa: E402
-from lake_water_addon.scenes import LakeScene, build_lake  # noqa: E402
+from lake_water_addon.scenes import LakeScene, animate_dive, build_lake  # noqa: E402
 
 SIZE = (960, 540)
 DETAIL = (320, 180)
 WAVES = 4.0  # times the lake's own
+DIVE_FRAMES = (14, 18, 20, 22, 26, 40)  # the camera crosses the surface at about 20
 REMEDY = {
     "if (beyond > one_texel)": "if (false)",
     "if (mark_inside != 0 && !gl_FrontFacing)": "if (mark_inside == -1)",
@@ -92,6 +95,121 @@ def pair(scene: bpy.types.Scene, detail: tuple[int, int]) -> Image.Image:
     return sheet
 
 
+def beside(pictures: list[Image.Image]) -> Image.Image:
+    """Pictures of one size in a row."""
+    width, height = pictures[0].size
+    sheet = Image.new("RGB", (len(pictures) * width, height))
+    for i, picture in enumerate(pictures):
+        sheet.paste(picture, (i * width, 0))
+    return sheet
+
+
+def variants(lake: LakeScene, place: tuple, target: tuple, *settings: dict) -> Image.Image:
+    """One view with each of several settings of the scene, from left to right.
+
+    place, target: of the camera, from the middle of the lake's surface, in m.
+    """
+    scene, center = bpy.context.scene, Vector(lake.center)
+    look(lake.camera, center + Vector(place), center + Vector(target))
+    pictures = []
+    for setting in settings:
+        for name, value in setting.items():
+            setattr(scene.lake_water, name, value)
+        pictures.append(render(scene))
+        for name in setting:
+            scene.lake_water.property_unset(name)
+    return beside(pictures)
+
+
+def caustics(lake: LakeScene) -> Image.Image:
+    on, off = {"use_glow": False}, {"use_glow": False, "use_caustics": False}
+    return variants(lake, (2.0, 6.0, 8.0), (4.5, 2.0, -2.0), on, off)
+
+
+def shadows(lake: LakeScene) -> Image.Image:
+    return variants(lake, (-15.0, -7.0, 5.0), (0.0, 0.0, -1.0), {}, {"use_shadows": False})
+
+
+def glow(lake: LakeScene) -> Image.Image:
+    return variants(lake, (15.0, 8.0, 3.0), (0.0, 0.0, 0.5), {}, {"use_glow": False})
+
+
+def under_water(lake: LakeScene) -> Image.Image:
+    return variants(
+        lake,
+        (-3.0, 8.0, -1.5),
+        (2.0, -2.0, -0.7),
+        {},
+        {"use_caustics": False, "use_shadows": False},
+        {"use_exact_under_water": True},
+    )
+
+
+def window(lake: LakeScene) -> Image.Image:
+    """Straight up from 2 m under water: the thesis's approximation, and Snell's window."""
+    return variants(lake, (-6.0, 2.0, -2.0), (-6.0, 2.05, 0.0), {}, {"use_exact_under_water": True})
+
+
+def high_waves(lake: LakeScene) -> None:
+    for wave in lake.water.lake_water.waves:
+        wave.amplitude *= WAVES
+
+
+def water_line_jetty(lake: LakeScene) -> Image.Image:
+    scene = bpy.context.scene
+    high_waves(lake)
+    boat = bpy.data.objects["Lake Boat"].matrix_world.translation
+    scene.frame_set(25)
+    look(lake.camera, boat + Vector((-5.0, 5.0, 2.2)), boat)
+    return pair(scene, (600, 340))
+
+
+def water_line_boulder(lake: LakeScene) -> Image.Image:
+    scene = bpy.context.scene
+    high_waves(lake)
+    boulder = bpy.data.objects["Lake Boulder 0"].matrix_world.translation
+    scene.frame_set(55)
+    look(lake.camera, 0.6 * boulder + Vector((0.0, 0.0, 1.8)), boulder)
+    return pair(scene, (560, 190))
+
+
+def dive(lake: LakeScene) -> Image.Image:
+    """Six frames of a dive around the crossing, in two rows."""
+    scene, center = bpy.context.scene, Vector(lake.center)
+    frames = 96
+    animate_dive(
+        scene,
+        lake.camera,
+        place=center + Vector((-7.0, 5.0, 0.0)),
+        target=center + Vector((3.0, -2.0, -0.4)),
+        height=0.6,
+        depth=0.8,
+        frames=frames,
+    )
+    small = SIZE[0] * 2 // 3, SIZE[1] * 2 // 3
+    pictures = []
+    for frame in DIVE_FRAMES:
+        scene.frame_set(scene.frame_start + frame)
+        pictures.append(render(scene).resize(small, Image.Resampling.LANCZOS))
+    rows = [beside(pictures[:3]), beside(pictures[3:])]
+    sheet = Image.new("RGB", (rows[0].width, 2 * rows[0].height))
+    for i, row in enumerate(rows):
+        sheet.paste(row, (0, i * row.height))
+    return sheet
+
+
+PICTURES = {
+    "caustics": caustics,
+    "shadows": shadows,
+    "glow": glow,
+    "under_water": under_water,
+    "window": window,
+    "dive": dive,
+    "water_line_jetty": water_line_jetty,
+    "water_line_boulder": water_line_boulder,
+}
+
+
 def make_lake() -> LakeScene:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -99,8 +217,6 @@ def make_lake() -> LakeScene:
     scene.camera = lake.camera
     scene.render.engine = "LAKE_WATER"
     scene.render.resolution_x, scene.render.resolution_y = SIZE
-    for wave in lake.water.lake_water.waves:
-        wave.amplitude *= WAVES
     return lake
 
 
@@ -109,20 +225,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", type=Path, help="where the pictures go")
-    folder = parser.parse_args().folder
-    folder.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--only", choices=PICTURES, nargs="+", default=list(PICTURES), help="some of them")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
     lake_water_addon.register()
     try:
-        lake = make_lake()
-        scene = bpy.context.scene
-        boat = bpy.data.objects["Lake Boat"].matrix_world.translation
-        scene.frame_set(25)
-        look(lake.camera, boat + Vector((-5.0, 5.0, 2.2)), boat)
-        pair(scene, (600, 340)).save(folder / "water_line_jetty.jpg", quality=88)
-        boulder = bpy.data.objects["Lake Boulder 0"].matrix_world.translation
-        scene.frame_set(55)
-        look(lake.camera, 0.6 * boulder + Vector((0.0, 0.0, 1.8)), boulder)
-        pair(scene, (560, 190)).save(folder / "water_line_boulder.jpg", quality=88)
+        for name in options.only:
+            PICTURES[name](make_lake()).save(options.folder / f"{name}.jpg", quality=88)
+            print(options.folder / f"{name}.jpg")
     finally:
         lake_water_addon.unregister()
 

@@ -35,7 +35,7 @@ REACH = 3
 TAPS = 4 * REACH + 1
 """Texels on the window's two diagonals."""
 
-LONG_SIDE = 384
+LONG_SIDE = 768
 """Texels of the glow along the longer side of the whole picture."""
 
 MARGIN = REACH + 2

@@ -36,10 +36,10 @@ class FrameSettings:
     use_shadows: bool = True
     light_depth_size: int = 1024
     use_glow: bool = True
-    glow_strength: float = 4.0
-    glow_exponent: float = 200.0
-    glow_threshold: float = 0.95
-    use_exact_under_water: bool = False
+    glow_strength: float = 8.0
+    glow_exponent: float = 6000.0
+    glow_threshold: float = 0.1
+    use_exact_under_water: bool = True
 
 
 DEFAULTS = FrameSettings()

@@ -13,7 +13,7 @@ from tests.gpu import scenes
 from tests.gpu.glsl import read_texture
 from tests.gpu.pictures import draw_plan, planned
 
-SIZE = (320, 240)
+SIZE = (640, 480)
 VIEW = scenes.look_at((0, -16, 5), (0, -3, 0), size=SIZE)
 
 
@@ -210,7 +210,7 @@ def test_water_that_the_sun_does_not_reach_has_no_highlight(renderer):
     # Where the ray to the sun passes the roof's lower and upper side.
     passes = [at[..., 1] + z / to_sun[2] * to_sun[1] - 12.0 for z in (6.8, 7.2)]
     shaded = (passes[1] > -2.8) & (passes[0] < 2.8)
-    lit = (passes[1] < -3.3) | (passes[0] > 3.3)
+    lit = (passes[1] < -4.0) | (passes[0] > 4.0)
     bright = light[False] > 0.01
     assert np.sum(bright & shaded) > 300 and np.sum(bright & lit) > 300
     assert np.all(light[True][shaded] == 0.0)
@@ -315,16 +315,17 @@ def test_a_border_render_is_that_part_of_the_whole(renderer, waves):
     """Through the middle of the sun's image, aligned with neither the lattice nor the texture.
 
     The depth beyond the border is not known: where something dry stands there, the arms of a star may differ
-    within three texels. Here nothing does, and all is the same.
+    within three texels. Here nothing does, and all is the same, but for a crest that hides a texel or two
+    next to the border, 1/13 each.
     """
     scene = lake(sun_at(20.0), waves)
     whole = added(renderer, scene)
-    left, bottom, right, top = 91, 97, 203, 173
+    left, bottom, right, top = 183, 195, 407, 347
     window = (left / SIZE[0], bottom / SIZE[1], right / SIZE[0], top / SIZE[1])
     part = added(renderer, scene, size=(right - left, top - bottom), window=window)
     assert part.max() > 0.3 and part[0].max() > 0.05
     error = np.abs(part - whole[bottom:top, left:right])
-    assert np.quantile(error, 0.995) < 2e-3 and error.max() < 0.05, (np.quantile(error, 0.995), error.max())
+    assert np.quantile(error, 0.995) < 2e-3 and error.max() < 2 / 13, (np.quantile(error, 0.995), error.max())
 
 
 def test_what_stands_beyond_the_border_matters_only_next_to_it(renderer):
@@ -332,8 +333,8 @@ def test_what_stands_beyond_the_border_matters_only_next_to_it(renderer):
     wall = ((4.0, 0.2, 5.0), scenes.translation(3.6, -9.0))
     scene = lake(sun_at(20.0), scenes.LAKE_WAVES, [wall])
     whole = added(renderer, scene)
-    left, right = 90, 143  # the wall begins 2 pixels further
-    part = added(renderer, scene, size=(right - left, 240), window=(left / 320, 0.0, right / 320, 1.0))
+    left, right = 180, 287  # the wall begins a few pixels further
+    part = added(renderer, scene, size=(right - left, 480), window=(left / 640, 0.0, right / 640, 1.0))
     assert whole[:, left:right].max() > 0.3
     error = np.abs(part - whole[:, left:right]).max(axis=(0, 2))
     assert error[-3:].max() > 0.01, "the wall hides nothing that would reach into the part"
@@ -343,9 +344,9 @@ def test_what_stands_beyond_the_border_matters_only_next_to_it(renderer):
 def test_the_star_is_as_large_at_any_resolution(renderer):
     """A picture of half the size: what is added is the mean of the other's pixels, but for the filter."""
     scene = lake(sun_at(20.0), scenes.LAKE_WAVES)
-    large = added(renderer, scene, size=(640, 480))
+    large = added(renderer, scene, size=(1280, 960))
     small = added(renderer, scene, size=SIZE)
-    mean = large.reshape(240, 2, 320, 2, 3).mean(axis=(1, 3))
+    mean = large.reshape(480, 2, 640, 2, 3).mean(axis=(1, 3))
     assert small.max() > 0.3
     assert np.abs(small - mean).mean() < 0.05 * mean.mean() + 1e-3
     assert abs(small.mean() - mean.mean()) < 0.02 * mean.mean()
@@ -367,10 +368,10 @@ def test_antialiasing_moves_the_glow_with_the_picture(renderer, jitter):
 
 def test_antialiasing_takes_the_mean_over_a_texel(renderer, nothing_near):
     """Glints smaller than a texel, far away, as the view turns by parts of one: they twinkle less."""
-    scene = lake(sun_at(20.0), scenes.LAKE_WAVES, half_size=120.0, resolution=257)
+    scene = lake(sun_at(20.0), scenes.LAKE_WAVES, half_size=240.0, resolution=513)
     energy = {1: [], 8: []}
     for step in range(5):
-        camera = scenes.look_at((0, -100, 20), (0.11 * step, 0, 0), size=SIZE)
+        camera = scenes.look_at((0, -200, 40), (0.11 * step, 0, 0), size=SIZE)
         for samples, found in energy.items():
             total = 0.0
             for sample in range(samples):
