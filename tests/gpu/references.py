@@ -16,7 +16,10 @@ SIZE = (240, 180)
 VIEWS = {
     "from_the_shore": (scenes.look_at((11, -12, 5), (0, -1.5, -0.5), SIZE), {}),
     "near_the_water": (scenes.look_at((2, -13, 0.6), (0, 0, 0.4), SIZE), {}),
-    "under_water": (scenes.look_at((6, -9, -1.2), (2, -3.5, -0.9), SIZE, fov=1.2), {}),
+    "under_water": (
+        scenes.look_at((6, -9, -1.2), (2, -3.5, -0.9), SIZE, fov=1.2),
+        {"use_exact_under_water": False},
+    ),
     "snells_window": (
         scenes.look_at((6, -9, -1.2), (4, -6, 0.6), SIZE, fov=1.6),
         {"use_exact_under_water": True},
