@@ -6,6 +6,7 @@ Symbols are those of the optical model: k, q, c, FOV_ext. `water_objects.setting
 turns a water object's settings into plain data.
 """
 
+import dataclasses
 import math
 
 import bpy
@@ -21,6 +22,7 @@ from bpy.props import (
 )
 
 from .core.settings import CAUSTICS_METHODS, DEFAULTS
+from .core.technique_settings import TechniqueSettings
 from .core.techniques import TECHNIQUES
 from .registration import register_classes, unregister_classes
 
@@ -163,6 +165,47 @@ class LakeWaterWave(bpy.types.PropertyGroup):
     )
 
 
+MAP_TEXTS = {
+    "NORMAL": "Normal map of ripples; set its color space to Non-Color. Empty: one made by the extension",
+    "DUDV": "Dudv map of ripples; set its color space to Non-Color. Empty: one made by the extension",
+    "COLOR": "Any image. Empty: none",
+}
+
+
+def _property_of(field: dataclasses.Field) -> object:
+    """The property in Blender of one of a technique's own settings (`technique_settings.setting`)."""
+    options = {"default": field.default, **field.metadata, **OBJECT}
+    if isinstance(field.default, tuple):
+        return FloatVectorProperty(**{"size": len(field.default), **options})
+    for kind, make in ((bool, BoolProperty), (int, IntProperty), (float, FloatProperty)):
+        if isinstance(field.default, kind):
+            return make(**options)
+    raise TypeError(f"{field.name}: no property for a setting like {field.default!r}")
+
+
+def _group_of(key: str, settings: type[TechniqueSettings]) -> type[bpy.types.PropertyGroup]:
+    """The settings that only one technique has, as they are on a water object."""
+    properties = {field.name: _property_of(field) for field in dataclasses.fields(settings)}
+    for sampler, kind in settings.maps.items():
+        properties[sampler] = PointerProperty(
+            type=bpy.types.Image,
+            name=sampler.replace("_", " ").title(),
+            description=MAP_TEXTS[kind],
+            **OBJECT,
+        )
+    name = f"LakeWater{key.title().replace('_', '')}Settings"
+    text = f"Settings that only the technique {TECHNIQUES[key].label} has."
+    return type(name, (bpy.types.PropertyGroup,), {"__annotations__": properties, "__doc__": text})
+
+
+TECHNIQUE_GROUPS = {
+    key.lower(): _group_of(key, technique.settings)
+    for key, technique in TECHNIQUES.items()
+    if technique.settings is not None
+}
+"""By name on `object.lake_water`."""
+
+
 class LakeWaterObjectSettings(bpy.types.PropertyGroup):
     """Settings of one water body, on the object whose mesh is its surface."""
 
@@ -249,6 +292,15 @@ class LakeWaterObjectSettings(bpy.types.PropertyGroup):
     previous_display_type: StringProperty(
         description="The object's Display As before it became water, to be put back",
         options={"HIDDEN"},
+        **OVERRIDABLE,
+    )
+
+
+for _name, _group in TECHNIQUE_GROUPS.items():
+    LakeWaterObjectSettings.__annotations__[_name] = PointerProperty(
+        type=_group,
+        name=TECHNIQUES[_name.upper()].label,
+        description=f"What only the technique {TECHNIQUES[_name.upper()].label} reads",
         **OVERRIDABLE,
     )
 
@@ -439,7 +491,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (LakeWaterWave, LakeWaterObjectSettings, LakeWaterSceneSettings)
+CLASSES = (LakeWaterWave, *TECHNIQUE_GROUPS.values(), LakeWaterObjectSettings, LakeWaterSceneSettings)
 
 
 def register() -> None:

@@ -9,6 +9,7 @@ EEVEE it carries a modifier and a material (`nodes/`).
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import random
 from collections.abc import Iterable
@@ -18,6 +19,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from .core.snapshot import WaterSettings
+from .core.technique_settings import TechniqueSettings
+from .core.techniques import TECHNIQUES
 from .core.waves import MAX_WAVES, SineWave
 from .nodes import carry
 
@@ -119,7 +122,25 @@ def settings_of(obj: bpy.types.Object) -> WaterSettings:
         water_color=tuple(s.water_color),
         waves=tuple(SineWave(w.amplitude, w.wavelength, w.direction, w.phase) for w in s.waves),
         depth=s.depth,
+        own=tuple(own_settings(obj, key) for key, t in TECHNIQUES.items() if t.settings is not None),
+        images=tuple(
+            (technique.settings, sampler, image.name)
+            for key, technique in TECHNIQUES.items()
+            if technique.settings is not None
+            for sampler in technique.settings.maps
+            if (image := getattr(getattr(s, key.lower()), sampler)) is not None
+        ),
     )
+
+
+def own_settings(obj: bpy.types.Object, technique: str) -> TechniqueSettings:
+    """The settings that only one technique has, as plain data; technique: a key of TECHNIQUES."""
+    group, kind = getattr(obj.lake_water, technique.lower()), TECHNIQUES[technique].settings
+    values = {}
+    for field in dataclasses.fields(kind):
+        value = getattr(group, field.name)
+        values[field.name] = tuple(value) if isinstance(field.default, tuple) else value
+    return kind(**values)
 
 
 def is_water(obj: bpy.types.Object | None) -> bool:

@@ -36,7 +36,7 @@ from .screen_lookup import (
     water_below,
 )
 from .snapshot import Sky, Sun
-from .technique_settings import TechniqueSettings, scrolled
+from .technique_settings import COLOR, LENGTH, TechniqueSettings, scrolled, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques
     from .plan import BodyPlan
@@ -66,26 +66,176 @@ class PondSettings(TechniqueSettings):
     geometric_waves: whether the waves raise the surface. The plan reads it, not the shader.
     """
 
-    tile_size_0: float = 4.0
-    velocity_0: tuple[float, float] = (0.15, 0.06)
-    tile_size_1: float = 2.7
-    velocity_1: tuple[float, float] = (-0.04, 0.1)
-    ripple_scale: tuple[float, float] = (0.06, 0.03)
-    bias: float = 0.2
-    bias_map_strength: float = 0.0
-    bias_depth_strength: float = 0.0
-    bias_depth_range: tuple[float, float] = (0.0, 2.0)
-    bias_distance_strength: float = 0.0
-    bias_distance_range: tuple[float, float] = (5.0, 60.0)
-    power: float = 0.7
-    ambient: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    diffuse: tuple[float, float, float] = (0.6, 0.6, 0.6)
-    specular: tuple[float, float, float] = (0.8, 0.8, 0.8)
-    shininess: float = 64.0
-    impurity: float = 0.15
-    impurity_map_strength: float = 0.0
-    impurity_tile_size: float = 6.0
-    geometric_waves: bool = False
+    tile_size_0: float = setting(
+        4.0,
+        "Tile Size 1",
+        "Metres of water that the first normal map covers. Raise it for longer ripples",
+        min=0.01,
+        max=10000.0,
+        soft_max=20.0,
+        **LENGTH,
+    )
+    velocity_0: tuple[float, float] = setting(
+        (0.15, 0.06),
+        "Velocity 1",
+        "How fast the first normal map moves along X and Y of the water object, m/s",
+        min=-100.0,
+        max=100.0,
+        soft_min=-2.0,
+        soft_max=2.0,
+    )
+    tile_size_1: float = setting(
+        2.7,
+        "Tile Size 2",
+        "Metres of water that the second normal map covers. No multiple of the first hides that they repeat",
+        min=0.01,
+        max=10000.0,
+        soft_max=20.0,
+        **LENGTH,
+    )
+    velocity_1: tuple[float, float] = setting(
+        (-0.04, 0.1),
+        "Velocity 2",
+        "How fast the second normal map moves along X and Y of the water object, m/s",
+        min=-100.0,
+        max=100.0,
+        soft_min=-2.0,
+        soft_max=2.0,
+    )
+    ripple_scale: tuple[float, float] = setting(
+        (0.06, 0.03),
+        "Ripple Scale",
+        "How far ripples move what is seen in the water, as parts of the picture's width and height",
+        min=-1.0,
+        max=1.0,
+        soft_min=0.0,
+        soft_max=0.2,
+        precision=3,
+    )
+    bias: float = setting(
+        0.2,
+        "Bias",
+        "Added to the weight of what is seen through the water: raise it for clearer, less mirroring water",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    bias_map_strength: float = setting(
+        0.0,
+        "Bias Map Strength",
+        "How much the greyscale image over the whole water adds to the bias, where it is white",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    bias_depth_strength: float = setting(
+        0.0,
+        "Shallow Bias",
+        "What shallow water adds to the bias, so that the bottom shows at the shore",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    bias_depth_range: tuple[float, float] = setting(
+        (0.0, 2.0),
+        "Shallow Range",
+        "Depths between which the shallow bias fades away",
+        min=0.0,
+        max=100000.0,
+        soft_max=200.0,
+        unit="LENGTH",
+    )
+    bias_distance_strength: float = setting(
+        0.0,
+        "Near Bias",
+        "What water near the camera adds to the bias",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    bias_distance_range: tuple[float, float] = setting(
+        (5.0, 60.0),
+        "Near Range",
+        "Distances between which the near bias fades away",
+        min=0.0,
+        max=100000.0,
+        soft_max=200.0,
+        unit="LENGTH",
+    )
+    power: float = setting(
+        0.7,
+        "Power",
+        "How fast the mirror takes over towards grazing view: lower keeps the water clear for longer",
+        min=0.0,
+        max=100.0,
+        soft_max=5.0,
+    )
+    ambient: tuple[float, float, float] = setting(
+        (0.5, 0.5, 0.5),
+        "Ambient",
+        "Part of the water's picture that shows without sunlight",
+        min=0.0,
+        max=1000.0,
+        size=3,
+        **COLOR,
+    )
+    diffuse: tuple[float, float, float] = setting(
+        (0.6, 0.6, 0.6),
+        "Diffuse",
+        "Part of the water's picture that sunlight adds where the ripples face the sun",
+        min=0.0,
+        max=1000.0,
+        size=3,
+        **COLOR,
+    )
+    specular: tuple[float, float, float] = setting(
+        (0.8, 0.8, 0.8),
+        "Specular",
+        "Brightness of the sun's highlight, relative to the sun",
+        min=0.0,
+        max=1000.0,
+        size=3,
+        **COLOR,
+    )
+    shininess: float = setting(
+        64.0,
+        "Shininess",
+        "How small the sun's highlight is. Raise it for fewer, smaller sparks",
+        min=0.0,
+        max=100000.0,
+        soft_max=1000.0,
+        precision=0,
+    )
+    impurity: float = setting(
+        0.15,
+        "Impurity",
+        "Part of what is seen through the water that the water color covers",
+        min=0.0,
+        max=1.0,
+    )
+    impurity_map_strength: float = setting(
+        0.0,
+        "Impurity Map Strength",
+        "Opacity of the image that floats on the water, such as pollen or leaves",
+        min=0.0,
+        max=1.0,
+    )
+    impurity_tile_size: float = setting(
+        6.0,
+        "Impurity Tile Size",
+        "Metres of water that the image of impurities covers",
+        min=0.01,
+        max=10000.0,
+        soft_max=20.0,
+        **LENGTH,
+    )
+    geometric_waves: bool = setting(
+        False, "Geometric Waves", "Raise the surface by the waves, too, beside the ripples of the normal maps"
+    )
 
     maps: ClassVar = {
         "normal_map_0": "NORMAL",

@@ -29,7 +29,7 @@ from .screen_lookup import (
     viewing_distance,
     water_below,
 )
-from .technique_settings import TechniqueSettings, scrolled
+from .technique_settings import ANGLE, LENGTH, TechniqueSettings, scrolled, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques
     from .plan import BodyPlan
@@ -48,22 +48,136 @@ class RippleSettings(TechniqueSettings):
     darken what is below.
     """
 
-    tile_size: float = 4.0
-    flow_direction: float = 0.0
-    flow_speed: float = 0.25
-    reflection_distortion: float = 0.03
-    refraction_distortion: float = 0.02
-    normal_strength: float = 0.5
-    distance_strength: float = 0.1
-    distance_range: tuple[float, float] = (5.0, 60.0)
-    angle_strength: float = 0.6
-    angle_range: tuple[float, float] = (radians(50.0), radians(88.0))
-    depth_strength: float = 0.1
-    depth_range: tuple[float, float] = (0.0, 3.0)
-    depth_darkening: float = 0.4
-    depth_darkening_range: tuple[float, float] = (0.0, 4.0)
-    path_darkening: float = 0.4
-    path_darkening_range: tuple[float, float] = (0.0, 15.0)
+    tile_size: float = setting(
+        4.0,
+        "Tile Size",
+        "Metres of water that the dudv map covers. Raise it for longer ripples",
+        min=0.01,
+        max=10000.0,
+        soft_max=20.0,
+        **LENGTH,
+    )
+    flow_direction: float = setting(
+        0.0,
+        "Flow Direction",
+        "Where the ripples flow to, from the water object's X axis towards its Y axis",
+        **ANGLE,
+    )
+    flow_speed: float = setting(
+        0.25,
+        "Flow Speed",
+        "How fast the ripples flow, m/s",
+        min=-100.0,
+        max=100.0,
+        soft_min=0.0,
+        soft_max=2.0,
+    )
+    reflection_distortion: float = setting(
+        0.03,
+        "Reflection Distortion",
+        "How far ripples move what is mirrored, as a part of the picture",
+        min=-1.0,
+        max=1.0,
+        soft_min=0.0,
+        soft_max=0.2,
+        precision=3,
+    )
+    refraction_distortion: float = setting(
+        0.02,
+        "Refraction Distortion",
+        "How far ripples move what is seen through the water, as a part of the picture",
+        min=-1.0,
+        max=1.0,
+        soft_min=0.0,
+        soft_max=0.2,
+        precision=3,
+    )
+    normal_strength: float = setting(
+        0.5,
+        "Normal Strength",
+        "Slope of the steepest ripples, for the angle of view and the sky's mirror image",
+        min=-10.0,
+        max=10.0,
+        soft_min=0.0,
+        soft_max=2.0,
+    )
+    distance_strength: float = setting(
+        0.1,
+        "Distance",
+        "How opaque, with the mirror image, distance makes the water",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    distance_range: tuple[float, float] = setting(
+        (5.0, 60.0),
+        "Distance Range",
+        "Distances from the camera between which the water turns opaque",
+        min=0.0,
+        max=100000.0,
+        soft_max=200.0,
+        unit="LENGTH",
+    )
+    angle_strength: float = setting(
+        0.6,
+        "Angle",
+        "How opaque, with the mirror image, grazing view makes the water",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    angle_range: tuple[float, float] = setting(
+        (radians(50.0), radians(88.0)),
+        "Angle Range",
+        "Angles between sight and the surface's normal between which the water turns opaque",
+        min=0.0,
+        max=1.5707963267948966,
+        unit="ROTATION",
+    )
+    depth_strength: float = setting(
+        0.1,
+        "Depth",
+        "How opaque, with the mirror image, depth makes the water",
+        min=-10.0,
+        max=10.0,
+        soft_min=-1.0,
+        soft_max=1.0,
+    )
+    depth_range: tuple[float, float] = setting(
+        (0.0, 3.0),
+        "Depth Range",
+        "Depths between which the water turns opaque",
+        min=0.0,
+        max=100000.0,
+        soft_max=200.0,
+        unit="LENGTH",
+    )
+    depth_darkening: float = setting(
+        0.4, "Depth Darkening", "Part by which depth darkens what is seen through the water", min=0.0, max=1.0
+    )
+    depth_darkening_range: tuple[float, float] = setting(
+        (0.0, 4.0),
+        "Depth Darkening Range",
+        "Depths between which it darkens",
+        min=0.0,
+        max=100000.0,
+        soft_max=200.0,
+        unit="LENGTH",
+    )
+    path_darkening: float = setting(
+        0.4, "Path Darkening", "Part by which the water in front of it darkens what is seen", min=0.0, max=1.0
+    )
+    path_darkening_range: tuple[float, float] = setting(
+        (0.0, 15.0),
+        "Path Darkening Range",
+        "Metres of water on the line of sight between which it darkens",
+        min=0.0,
+        max=100000.0,
+        soft_max=200.0,
+        unit="LENGTH",
+    )
 
     maps: ClassVar = {"dudv_map": "DUDV"}
 

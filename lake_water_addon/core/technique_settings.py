@@ -8,8 +8,8 @@ numbers; in GLSL, field i is `technique.values[i]`, to which the technique's fil
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import ClassVar
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,9 +19,23 @@ MAX_VALUES = 24
 """Length of the array in `gpu_shaders/uniforms_lib.glsl`."""
 
 
+def setting(default: Any, name: str, description: str, **limits: Any) -> Any:
+    """A field with what the interface shows: name, tooltip, and as `limits` further arguments of its property
+    in Blender (min, max, soft_min, soft_max, subtype, unit, step, precision)."""
+    return field(default=default, metadata={"name": name, "description": description, **limits})
+
+
+LENGTH = {"subtype": "DISTANCE", "unit": "LENGTH"}
+ANGLE = {"subtype": "ANGLE", "unit": "ROTATION", "step": 500, "precision": 1}
+COLOR = {"subtype": "COLOR", "soft_max": 1.0}
+"""What settings of one kind have in common."""
+
+
 @dataclass(frozen=True)
 class TechniqueSettings:
     """Base of the settings of a technique.
+
+    Each field is made with `setting`, from which its property in Blender follows.
 
     maps: the images that it looks up beside those of the passes, by the name of their sampler, each with
     the kind that is expected: a MapKind, or "COLOR" for any picture.

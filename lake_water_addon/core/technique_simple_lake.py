@@ -17,7 +17,7 @@ import numpy as np
 
 from . import cameras, optics
 from .air_lookup import WaterTextures, in_camera, radiance_through_water, reflected_radiance, straight_bottom
-from .technique_settings import TechniqueSettings
+from .technique_settings import LENGTH, TechniqueSettings, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques
     from .plan import BodyPlan
@@ -30,8 +30,23 @@ class SimpleLakeSettings(TechniqueSettings):
     step: part of the path that is gone along the refracted ray.
     """
 
-    longest_path: float = 2.0
-    step: float = 1.0 / 3.0
+    longest_path: float = setting(
+        2.0,
+        "Longest Path",
+        "Metres of water beyond which the step along the ray grows no more. Raise it to bend deep water more",
+        min=0.0,
+        max=1000.0,
+        soft_max=10.0,
+        **LENGTH,
+    )
+    step: float = setting(
+        1.0 / 3.0,
+        "Step",
+        "Part of the path that is gone along the refracted ray. Raise it for stronger refraction",
+        min=0.0,
+        max=1.0,
+        precision=3,
+    )
 
 
 def refracted_radiance(

@@ -21,7 +21,7 @@ Points and directions are in render space (see `plan`), arrays (n, 3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -29,7 +29,7 @@ import numpy as np
 from . import cameras, optics
 from .air_lookup import WaterTextures, in_camera
 from .lookup import Lookup, inside_texture
-from .technique_settings import TechniqueSettings
+from .technique_settings import LENGTH, TechniqueSettings, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques, this one among them
     from .plan import BodyPlan
@@ -60,57 +60,48 @@ class TracedSettings(TechniqueSettings):
     """march_steps: most steps along a ray. thickness: m that things are taken to be thick. absorption: 1/m of
     red, green and blue light."""
 
-    march_steps: int = field(
-        default=32,
-        metadata={
-            "name": "March Steps",
-            "description": "Most steps along a ray, evenly across the texture and at most one a pixel of it. "
-            "Raise it where thin things under water have gaps; time grows with it",
-            "min": 1,
-            "max": 1024,
-            "soft_max": 256,
-        },
+    march_steps: int = setting(
+        32,
+        "March Steps",
+        "Most steps along a ray, evenly across the texture and at most one a pixel of it. "
+        "Raise it where thin things under water have gaps; time grows with it",
+        min=1,
+        max=1024,
+        soft_max=256,
     )
-    bisection_steps: int = field(
-        default=6,
-        metadata={
-            "name": "Bisection Steps",
-            "description": "Halvings of the step in which a ray meets something. Raise it where what lies "
-            "under water shows steps. Each costs a lookup",
-            "min": 0,
-            "max": 32,
-            "soft_max": 12,
-        },
+    bisection_steps: int = setting(
+        6,
+        "Bisection Steps",
+        "Halvings of the step in which a ray meets something. Raise it where what lies "
+        "under water shows steps. Each costs a lookup",
+        min=0,
+        max=32,
+        soft_max=12,
     )
-    thickness: float = field(
-        default=0.5,
-        metadata={
-            "name": "Thickness",
-            "description": "How thick things are taken to be, as only their fronts are seen: a ray that "
-            "passes farther behind one goes on. Raise it where rays slip through, lower it where thin "
-            "things leave smears. Costs nothing",
-            "min": 0.0,
-            "max": 1000.0,
-            "soft_max": 5.0,
-            "subtype": "DISTANCE",
-            "unit": "LENGTH",
-            "step": 1,
-            "precision": 3,
-        },
+    thickness: float = setting(
+        0.5,
+        "Thickness",
+        "How thick things are taken to be, as only their fronts are seen: a ray that "
+        "passes farther behind one goes on. Raise it where rays slip through, lower it where thin "
+        "things leave smears. Costs nothing",
+        min=0.0,
+        max=1000.0,
+        soft_max=5.0,
+        **LENGTH,
+        step=1,
+        precision=3,
     )
-    absorption: tuple[float, float, float] = field(
-        default=COASTAL_3,
-        metadata={
-            "name": "Absorption (1/m)",
-            "description": "How fast the water swallows red, green and blue light: after 1/value metres 37 % "
-            "of it is left. As it comes, coastal water (Jerlov type 3); pure water has 0.340, 0.0565, "
-            "0.0092. Costs nothing",
-            "min": 0.0,
-            "max": 1000.0,
-            "soft_max": 3.0,
-            "step": 1,
-            "precision": 4,
-        },
+    absorption: tuple[float, float, float] = setting(
+        COASTAL_3,
+        "Absorption (1/m)",
+        "How fast the water swallows red, green and blue light: after 1/value metres 37 % "
+        "of it is left. As it comes, coastal water (Jerlov type 3); pure water has 0.340, 0.0565, "
+        "0.0092. Costs nothing",
+        min=0.0,
+        max=1000.0,
+        soft_max=3.0,
+        step=1,
+        precision=4,
     )
 
 
