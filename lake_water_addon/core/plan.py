@@ -72,6 +72,9 @@ LEAST_TEXEL = 4e-3
 SCHLICK = 5.0
 """The exponent q of Schlick's own formula."""
 
+MIRRORED_REACH = 0.5
+"""Part of the distance of what is seen within which also what only the water shows gets shadows, at least."""
+
 LEAST_SUN = 1e-3
 """Least z of the direction to a sun that lights the water: at 0.06 degrees all of it is reflected."""
 
@@ -536,30 +539,47 @@ def _plan_shadows(
     bounds: Bounds | None,
     settings: FrameSettings,
 ) -> tuple[LightCamera, ...]:
-    """Cameras for the sun's shadows on all that the view sees, and on the water that lights its bottom."""
+    """Cameras for the sun's shadows on all that the view sees, and on the water that lights its bottom.
+
+    What is seen in the water alone gets a window of its own, at the end, when there is one left; else the
+    largest one takes in what of it is near.
+    """
     if sun is None or bounds is None or not settings.use_shadows:
         return ()
     to_clip = camera.projection @ camera.view
     seen = visible_part_of_box(*bounds, to_clip)
     surfaces = [_surface_of(b.light.camera, float(b.origin[2])) for b in bodies if b.light is not None]
-    points = np.concatenate([seen, *surfaces, *_seen_in_surfaces(camera, bodies, bounds, settings)])
-    if len(points) == 0:
-        return ()
-    size = settings.light_depth_size
-    found = [light_camera(-sun.direction, points, bounds, size)]
+    points = np.concatenate([seen, *surfaces])
+    size, along = settings.light_depth_size, -sun.direction
+    found: list[LightCamera] = []
+    eye, distance = cameras.eye_position(camera.view), np.inf
     if len(seen) and not cameras.is_orthographic(camera.projection):
-        eye = cameras.eye_position(camera.view)
         distance = float(np.linalg.norm(seen - eye, axis=1).max())
+        reach = distance
         for _ in range(1, CASCADES):
-            distance /= CASCADE_RATIO
-            near = np.maximum(bounds[0], eye - distance), np.minimum(bounds[1], eye + distance)
-            if 2.0 * distance < LEAST_TEXEL * size or np.any(near[0] > near[1]):
+            reach /= CASCADE_RATIO
+            near = _around(eye, reach, bounds)
+            if 2.0 * reach < LEAST_TEXEL * size or np.any(near[0] > near[1]):
                 break
             seen = visible_part_of_box(*near, to_clip)
             if len(seen) == 0:
                 break
-            found.insert(0, light_camera(-sun.direction, seen, bounds, size))
+            found.insert(0, light_camera(along, seen, bounds, size))
+    spare = len(found) < CASCADES - 1
+    within = bounds if spare else _around(eye, MIRRORED_REACH * distance, bounds)
+    mirrored = np.concatenate([points, *_seen_in_surfaces(camera, bodies, within, settings)])
+    if len(points) and spare:
+        found.append(light_camera(along, points, bounds, size))
+    if len(mirrored) > len(points) or not spare:
+        largest = light_camera(along, mirrored, bounds, size)
+        if not found or largest.key != found[-1].key:
+            found.append(largest)
     return tuple(found)
+
+
+def _around(eye: np.ndarray, reach: float, bounds: Bounds) -> Bounds:
+    """The part of a box that lies within a cube around the eye; its corners are exchanged when none does."""
+    return np.maximum(bounds[0], eye - reach), np.minimum(bounds[1], eye + reach)
 
 
 def _seen_in_surfaces(
@@ -575,7 +595,7 @@ def _seen_in_surfaces(
             views.append((camera.view, body.under.refraction))
         for view, looked_up in views:
             low = np.append(bounds[0][:2], max(bounds[0][2], looked_up.clip_height))
-            if low[2] < bounds[1][2]:
+            if np.all(low <= bounds[1]):
                 found.append(visible_part_of_box(low, bounds[1], wide @ view))
     return found
 
