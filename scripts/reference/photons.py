@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lake_water_addon.core import optics
-from lake_water_addon.core.light import light_axes, sunlight_in_water
+from lake_water_addon.core.light import LightCamera, light_axes, sunlight_in_water
 from lake_water_addon.core.snapshot import Sun
 
 from .geometry import Geometry, clearance
@@ -53,14 +53,14 @@ Progress = Callable[[Iterable, int, str], Iterable]
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """Counts over a rectangle across the light. low: (2,) m, its corner; cell: m.
+    """Counts over a rectangle across the light. low, cell: (2,) m, its corner and the size of a cell.
 
     counts: (2, rows, columns, channels), of what the light sees first and of the rest, as parts of the light
     on the water.
     """
 
     low: np.ndarray
-    cell: float
+    cell: np.ndarray
     counts: np.ndarray
 
     def at(self, places: np.ndarray, layer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,8 +85,6 @@ class Sunlight:
         self.axes = light_axes(self.direction)
         self.bending = float(sun.direction[2] / -self.direction[2])
         self.windows: list[Window] = []
-        self.sent = 0.0
-        """Photons launched from water in sunlight, in cells of the largest window."""
 
     def across(self, points: np.ndarray) -> np.ndarray:
         """(n, 2) m: places of points (n, 3) in the plane across the light."""
@@ -115,6 +113,7 @@ class Sunlight:
     ) -> None:
         """Make windows for light on points (n, 3), seen from `distance` (n,) m, with `photons` each."""
         self.windows = []
+        deepest = self._surface.origin[2] - self._geometry.bounds()[0][2]
         farthest = distance.max(initial=0.0)
         boxes = []
         for i in range(MAX_WINDOWS):
@@ -127,25 +126,48 @@ class Sunlight:
                 continue
             boxes.append((low, side))
         for low, side in boxes:
-            self.windows.insert(0, self._count_window(low, side, photons, workers, progress))
+            cell = np.sqrt((side + 2.0 * self._reach(deepest)).prod() * PER_CELL / photons)
+            size = np.ceil(side / cell).astype(int) + 2 * BORDER
+            start = low - 0.5 * (size * cell - side)
+            square = np.full(2, cell)
+            self.windows.insert(
+                0, self.count_over(start, square, size, photons, workers=workers, progress=progress)
+            )
 
-    def _count_window(
-        self, low: np.ndarray, side: np.ndarray, photons: int, workers: int, progress: Progress
-    ) -> Window:
-        deepest = self._surface.origin[2] - self._geometry.bounds()[0][2]
-        # Waves turn a ray by at most about half their slope.
+    def _reach(self, depth: float) -> float:
+        """m, across the light, by which waves move a ray at most until it is `depth` m deep: they turn it by
+        about half their slope."""
         slope = np.abs(self._surface.packed[:, 2]) @ np.linalg.norm(self._surface.packed[:, :2], axis=1)
-        margin = self._surface.highest * 2.0 + 0.5 * min(slope, 1.0) * max(deepest, 0.0)
-        cell = float(np.sqrt((side + 2.0 * margin).prod() * PER_CELL / photons))
-        size = np.ceil(side / cell).astype(int) + 2 * BORDER
-        low = low - 0.5 * (size * cell - side)
+        return self._surface.highest * 2.0 + 0.5 * min(slope, 1.0) * max(depth, 0.0)
+
+    def count_texture(
+        self, camera: LightCamera, texels: int, photons: int, *, workers: int = 2
+    ) -> np.ndarray:
+        """(texels, texels, channels) light, as the caustics of a planned body have it in the texture of that
+        camera: of what the light sees first."""
+        low = -(1.0 + camera.projection[:2, 3]) / np.diag(camera.projection)[:2]
+        size = np.full(2, 2 * texels)
+        cell = 2.0 / np.diag(camera.projection)[:2] / size
+        counts = self.count_over(low, cell, size, photons, workers=workers).counts[0]
+        return counts.reshape(texels, 2, texels, 2, -1).mean(axis=(1, 3))
+
+    def count_over(
+        self,
+        low: np.ndarray,
+        cell: np.ndarray,
+        size: np.ndarray,
+        photons: int,
+        *,
+        workers: int = 2,
+        progress: Progress = lambda chunks, _number, _what: chunks,
+    ) -> Window:
+        """A window of `size` = (columns, rows) cells. photons: launched over all of it and beyond."""
+        margin = self._reach(self._surface.origin[2] - self._geometry.bounds()[0][2])
         launch_low, launch_side = low - margin, size * cell + 2.0 * margin
         channels = 1 if self._water.is_gray else 3
         counts = np.zeros((2, size[1], size[0], channels))
-        weight = launch_side.prod() / photons / cell**2
-        self.sent = 0.0
 
-        def counted(start: int) -> tuple[np.ndarray, float]:
+        def counted(start: int) -> np.ndarray:
             i = np.arange(start, min(start + CHUNK, photons))
             # A Fibonacci lattice: even in all directions, and with none along the cells.
             even = np.stack([(i + 0.5) / photons, np.mod((i + 0.5) * _GOLDEN, 1.0)], axis=1)
@@ -153,17 +175,15 @@ class Sunlight:
 
         starts = range(0, photons, CHUNK)
         with ThreadPoolExecutor(workers) as pool:
-            what = f"photons, {size[0]} x {size[1]} cells of {1000 * cell:.1f} mm"
-            for part, sent in progress(pool.map(counted, starts), len(starts), what):
+            what = f"photons, {size[0]} x {size[1]} cells of {1000 * cell.max():.1f} mm"
+            for part in progress(pool.map(counted, starts), len(starts), what):
                 counts += part
-                self.sent += weight * sent
-        return Window(low, cell, counts * weight)
+        return Window(low, cell, counts * (launch_side.prod() / photons / cell.prod()))
 
     def _photons(
-        self, launch: np.ndarray, low: np.ndarray, cell: float, shape: tuple[int, ...]
-    ) -> tuple[np.ndarray, float]:
-        """Counts like those of `Window`, not yet scaled, of photons launched at places (n, 2) of the plane;
-        and how many of them came from sunlit water."""
+        self, launch: np.ndarray, low: np.ndarray, cell: np.ndarray, shape: tuple[int, ...]
+    ) -> np.ndarray:
+        """Counts like those of `Window`, not yet scaled, of photons launched at places (n, 2)."""
         geometry, surface, water, sun = self._geometry, self._surface, self._water, self.sun
         plane = launch @ self.axes[:2]
         level = surface.origin[2]
@@ -192,7 +212,7 @@ class Sunlight:
         layer = self.layer(found.position[near], found.face[near])
         channels = self._water.absorption[: shape[3]]
         light = passed[near, None] * np.exp(-hits.distance[near, None] * channels)
-        return _splat(at[near], layer, light, shape), float(len(normal))
+        return _splat(at[near], layer, light, shape)
 
     def calm(self, points: np.ndarray) -> np.ndarray:
         """(n, 3) L under a calm surface in full sun at points (n, 3)."""
