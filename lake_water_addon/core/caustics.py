@@ -91,29 +91,12 @@ class WaterPoint(NamedTuple):
 
 
 class Photon(NamedTuple):
-    """landing (n, 2), spread (n, 2): uv; light (n,): what arrives of the flux.
-
-    wet: (n,) launched from water with a bottom below; landed: (n,) within the window, too.
-    """
+    """landing (n, 2), spread (n, 2): uv; light (n,): what arrives of the flux; landed (n,): in the window."""
 
     landing: np.ndarray
     spread: np.ndarray
     light: np.ndarray
-    wet: np.ndarray
     landed: np.ndarray
-
-
-class Deposit(NamedTuple):
-    """What texels of the photon map add to the caustics. center, half_width: (2, n) texels.
-
-    light: (n,) of photons that landed; missing: (n,) of those that were not launched from water, where a calm
-    surface would have sent them.
-    """
-
-    center: np.ndarray
-    half_width: np.ndarray
-    light: np.ndarray
-    missing: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +182,14 @@ def bottom_depth(depth: np.ndarray, uv: np.ndarray, texel: float) -> np.ndarray:
     return lower + part[:, 1] * (upper - lower)
 
 
+def is_water(point: np.ndarray, scene: PhotonScene) -> np.ndarray:
+    """(n,) whether points (n, 3) of the surface are water over a bottom, and not under dry ground."""
+    at = point @ scene.camera.view[:3, :3].T + scene.camera.view[:3, 3]
+    uv = cameras.to_texture(scene.camera.projection, at)
+    below = bottom_depth(scene.depth, uv, float(scene.camera.texel.max()))
+    return (below >= -at[:, 2]) & (below < NOTHING)
+
+
 def launch_step(camera: LightCamera, axis: int, photons: int) -> np.ndarray:
     """(3,) in m: from one launching place on the water plane to the next along the window's x or y."""
     sideways = camera.view[axis, :3]
@@ -263,11 +254,9 @@ def photon(point: WaterPoint, mesh_turn: np.ndarray, launch: np.ndarray, scene: 
     facing = normal @ scene.sun_direction
     fresnel = optics.schlick(facing, optics.reflectance_at_normal(scene.n12), scene.q)
     light = (1.0 - fresnel) * optics.attenuation(scene.k, np.linalg.norm(found.bottom - at, axis=1))
-    below = depth_at(cameras.to_texture(projection, at))
-    wet = (below >= -at[:, 2]) & (below < NOTHING)
-    landed = wet & (direction[:, 2] < -MIN_DESCENT) & (found.bottom[:, 2] > -NOTHING)
+    landed = (direction[:, 2] < -MIN_DESCENT) & (found.bottom[:, 2] > -NOTHING)
     landed &= np.all((landing >= 0.0) & (landing < 1.0), axis=1)
-    return Photon(landing, np.sqrt(squares), light, wet, landed)
+    return Photon(landing, np.sqrt(squares), light, landed)
 
 
 def tent_spread(spread: np.ndarray, size: int, spacing: float) -> np.ndarray:
@@ -289,26 +278,6 @@ def tent_part(texel: np.ndarray, center: np.ndarray, half_width: np.ndarray) -> 
     return tent_before((texel + 1.0 - center) / half_width) - tent_before((texel - center) / half_width)
 
 
-def deposit(found: np.ndarray, spread: np.ndarray, index: np.ndarray, size: int, spacing: float) -> Deposit:
-    """What the texels `index` (2, n) = (x, y) of a photon map add.
-
-    found: (4, n) landing x, y in uv, light, 1 where it landed; spread: (2, n) in uv, 0 without water.
-    """
-    flux = spacing * spacing
-    given = Deposit(
-        found[:2] * size,
-        tent_spread(spread, size, spacing),
-        np.where(found[3] > 0.5, flux * found[2], 0.0),
-        np.zeros_like(found[2]),
-    )
-    dry = np.flatnonzero(spread[0] <= 0.0)
-    if len(dry):
-        given.center[:, dry] = (index[:, dry] + 0.5) * spacing
-        given.half_width[:, dry] = spacing
-        given.light[dry], given.missing[dry] = 0.0, flux
-    return given
-
-
 def border_coverage(texel: np.ndarray, size: int, spacing: float) -> np.ndarray:
     """Coverage of texels, in one axis, when all photons are launched from water.
 
@@ -318,45 +287,54 @@ def border_coverage(texel: np.ndarray, size: int, spacing: float) -> np.ndarray:
     return 1.0 - spacing * (from_left + from_right)
 
 
-def missing_light(dry: np.ndarray, size: int) -> np.ndarray:
-    """(size, size) what a calm surface would send from the texels of the photon map without water, (p, p)."""
-    spacing = size / len(dry)
-    centers = (np.arange(len(dry)) + 0.5) * spacing
+def coverage(wet: np.ndarray, size: int) -> np.ndarray:
+    """(size, size) sums that photons launched from water, (p, p), with light 1 give under a calm surface.
+
+    A tent is then as wide as the photons lie apart.
+    """
+    spacing = size / len(wet)
+    centers = (np.arange(len(wet)) + 0.5) * spacing
     parts = spacing * tent_part(np.arange(size)[:, None], centers, spacing)
-    return parts @ dry @ parts.T
+    return parts @ wet @ parts.T
 
 
-def coverage(missing: np.ndarray, texel: np.ndarray, size: int, spacing: float) -> np.ndarray:
-    """(n,) sums that photons of light 1 give texels (n, 2) under a calm surface, less the missing (n,)."""
-    along_x, along_y = (border_coverage(texel[:, axis], size, spacing) for axis in (0, 1))
-    return along_x * along_y - missing
+def whole_coverage(size: int, spacing: float) -> np.ndarray:
+    """(size, size) coverage when all photons are launched from water."""
+    border = border_coverage(np.arange(size), size, spacing)
+    return border[:, None] * border
 
 
-def resolved(sums: np.ndarray, photons: int) -> np.ndarray:
-    """(size, size) the caustics from sums (size, size, 2) of light and of what is missing.
+def resolved(sums: np.ndarray, wet: np.ndarray) -> np.ndarray:
+    """(size, size) the caustics from sums (size, size) of photons launched where `wet` (p, p) is.
 
     Light is scaled to the part of a texel that water covers. A texel that it hardly covers takes the mean of
     those one photon away that it covers, if any: a filtered lookup at the shore finds no dark one.
     """
-    size = len(sums)
-    spacing = size / photons
-    y, x = np.mgrid[:size, :size]
-    covered = coverage(sums[..., 1].ravel(), np.stack([x.ravel(), y.ravel()], axis=1), size, spacing)
-    covered = covered.reshape(size, size)
-    known = covered >= MIN_COVERAGE
+    size, spacing = len(sums), len(sums) / len(wet)
+    covered = coverage(wet.astype(np.float64), size)
+    known = covered >= MIN_COVERAGE * whole_coverage(size, spacing)
     light, weight = np.zeros((size, size)), np.zeros((size, size))
+    y, x = np.mgrid[:size, :size]
     for dx, dy in neighbors(spacing):
         at = np.clip(y + dy, 0, size - 1), np.clip(x + dx, 0, size - 1)
-        light += np.where(known[at], sums[at][..., 0], 0.0)
+        light += np.where(known[at], sums[at], 0.0)
         weight += np.where(known[at], covered[at], 0.0)
     filled = light / np.where(weight > 0.0, weight, 1.0)
-    return np.where(known, sums[..., 0] / np.maximum(covered, MIN_COVERAGE), filled)
+    return np.where(known, sums / np.where(known, covered, 1.0), filled)
 
 
 def neighbors(spacing: float) -> list[tuple[int, int]]:
     """Steps in texels to those one photon away."""
     step = int(np.ceil(spacing))
     return [(-step, 0), (step, 0), (0, -step), (0, step)]
+
+
+def shore_margin(spacing: float) -> int:
+    """How many photons away from a texel's own one it may depend on whether they are launched from water.
+
+    That is so for `resolved`: one photon's tent and half a texel, from this texel and those one photon away.
+    """
+    return int(np.ceil((np.ceil(spacing) + 0.5) / spacing + 1.5))
 
 
 def counter_scale(spacing: float) -> float:
@@ -369,34 +347,21 @@ def counter_scale(spacing: float) -> float:
 
 
 def sum_photons(photon_map: np.ndarray, spread_map: np.ndarray, size: int) -> np.ndarray:
-    """(size, size, 2) float32 sums of a photon map: light, and what is missing where there is no water.
+    """(size, size) float32 sums of a photon map's light, relative to the sun's on the water plane.
 
-    photon_map: (p, p, 4) and spread_map: (p, p, 2), float32, as the photon shader writes them (see
-    `deposit`). What of a tent lies outside the window is lost.
+    photon_map: (p, p, 4) landing x, y in uv, light, 1 where it landed; spread_map: (p, p, 2) in uv, 0
+    without water; float32, as the photon shader writes them. What of a tent lies outside the window is lost.
     """
-    photons = len(photon_map)
-    found, spread = photon_map.reshape(-1, 4).T, spread_map.reshape(-1, 2).T
-    index = np.indices((photons, photons), np.int32)[::-1].reshape(2, -1)
+    spacing = size / len(photon_map)
+    found, spread = photon_map.reshape(-1, 4), spread_map.reshape(-1, 2)
+    lit = np.flatnonzero((found[:, 3] > 0.5) & (found[:, 2] > 0.0))
     total = np.zeros((size, size))
-    dry = np.empty(photons * photons, np.float32)
-    for start in range(0, photons * photons, CHUNK):
-        chunk = slice(start, start + CHUNK)
-        given = deposit(
-            np.ascontiguousarray(found[:, chunk]),
-            np.ascontiguousarray(spread[:, chunk]),
-            index[:, chunk],
-            size,
-            size / photons,
-        )
-        np.greater(given.missing, 0.0, out=dry[chunk], casting="unsafe")
-        lit = np.flatnonzero(given.light)
-        if len(lit):
-            _add_tents(total, given.center[:, lit], given.half_width[:, lit], given.light[lit])
-    sums = np.zeros((size, size, 2), np.float32)
-    sums[..., 0] = total
-    if dry.any():
-        sums[..., 1] = missing_light(dry.reshape(photons, photons), size)
-    return sums
+    for start in range(0, len(lit), CHUNK):
+        chosen = lit[start : start + CHUNK]
+        center = np.stack([found[chosen, axis] for axis in (0, 1)]) * size
+        half_width = tent_spread(np.stack([spread[chosen, axis] for axis in (0, 1)]), size, spacing)
+        _add_tents(total, center, half_width, found[chosen, 2] * spacing**2)
+    return total.astype(np.float32)
 
 
 def _add_tents(total: np.ndarray, center: np.ndarray, half_width: np.ndarray, amount: np.ndarray) -> None:

@@ -5,6 +5,6 @@
 void main()
 {
   vec2 texel = floor(gl_FragCoord.xy);
-  out_sums = v_amounts * tent_part(texel.x, v_center.x, v_half_width.x) *
-             tent_part(texel.y, v_center.y, v_half_width.y);
+  out_sum = v_light * tent_part(texel.x, v_center.x, v_half_width.x) *
+            tent_part(texel.y, v_center.y, v_half_width.y);
 }

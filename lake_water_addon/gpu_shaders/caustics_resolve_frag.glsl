@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Turns the sums of photons into the caustics. Twin: resolved() of core/caustics.py.
 
-#include "caustics_lib.glsl"
+#include "coverage_lib.glsl"
+
+#define MIN_COVERAGE 0.45
 
 // The greatest value of a half float.
 #define MAX_HALF 65504.0
@@ -12,40 +14,51 @@
 #  define SUMS sums
 #endif
 
-// Light and what is missing.
-vec2 sums_at(ivec2 texel)
+float sum_at(ivec2 texel)
 {
 #ifdef COUNTERS
-  int size = textureSize(counters, 0).x;
-  float light = float(texelFetch(counters, texel, 0).r) +
-                4294967296.0 * float(texelFetch(counters, texel + ivec2(0, size), 0).r);
-  return vec2(light, float(texelFetch(counters, texel + ivec2(0, 2 * size), 0).r)) / counter_scale;
+  float carried = float(texelFetch(counters, texel + ivec2(0, textureSize(counters, 0).x), 0).r);
+  return (float(texelFetch(counters, texel, 0).r) + 4294967296.0 * carried) / counter_scale;
 #else
-  return texelFetch(sums, texel, 0).rg;
+  return texelFetch(sums, texel, 0).r;
 #endif
+}
+
+// The mean of the texels one photon away that water covers, where it hardly covers this one.
+float filled(ivec2 texel, int size, float spacing)
+{
+  int away = int(ceil(spacing));
+  float light = 0.0;
+  float covered = 0.0;
+  for (int i = 0; i < 4; i++) {
+    ivec2 along = i < 2 ? ivec2(1, 0) : ivec2(0, 1);
+    ivec2 neighbor = clamp(texel + (i % 2 == 0 ? -away : away) * along, ivec2(0), ivec2(size - 1));
+    float weight = coverage(neighbor, float(size), spacing);
+    if (weight >= MIN_COVERAGE * whole_coverage(neighbor, float(size), spacing)) {
+      light += sum_at(neighbor);
+      covered += weight;
+    }
+  }
+  return covered > 0.0 ? light / covered : 0.0;
 }
 
 void main()
 {
   int size = textureSize(SUMS, 0).x;
-  float spacing = float(size) / photons;
+  int photons = textureSize(spread_map, 0).x;
+  float spacing = float(size) / float(photons);
   ivec2 texel = min(ivec2((0.5 * v_ndc + 0.5) * float(size)), ivec2(size - 1));
-  vec2 sum = sums_at(texel);
-  float covered = coverage(sum.y, vec2(texel), float(size), spacing);
-  if (covered < MIN_COVERAGE) {
-    sum.x = 0.0;
-    covered = 0.0;
-    int away = int(ceil(spacing));
-    for (int i = 0; i < 4; i++) {
-      ivec2 along = i < 2 ? ivec2(1, 0) : ivec2(0, 1);
-      ivec2 neighbor = clamp(texel + (i % 2 == 0 ? -away : away) * along, ivec2(0), ivec2(size - 1));
-      vec2 beside = sums_at(neighbor);
-      float weight = coverage(beside.y, vec2(neighbor), float(size), spacing);
-      if (weight >= MIN_COVERAGE) {
-        sum.x += beside.x;
-        covered += weight;
-      }
-    }
+  ivec2 tile = min(ivec2((vec2(texel) + 0.5) / spacing), ivec2(photons - 1)) / TILE;
+  float wet = texelFetch(shore, tile, 0).r;
+
+  float whole = whole_coverage(texel, float(size), spacing);
+  float value = 0.0;
+  if (wet > 0.75) {
+    value = sum_at(texel) / whole;
   }
-  out_value = covered > 0.0 ? min(sum.x / covered, MAX_HALF) : 0.0;
+  else if (wet > 0.25) {
+    float covered = coverage(texel, float(size), spacing);
+    value = covered >= MIN_COVERAGE * whole ? sum_at(texel) / covered : filled(texel, size, spacing);
+  }
+  out_value = min(value, MAX_HALF);
 }

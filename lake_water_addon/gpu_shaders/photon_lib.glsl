@@ -28,7 +28,6 @@ struct Photon {
   vec2 landing; // uv
   vec2 spread;  // uv
   float light;
-  bool wet;
   bool landed;
 };
 
@@ -99,6 +98,14 @@ float bottom_depth(vec2 uv)
 
 #include "intersection_lib.glsl"
 
+// Whether a point of the surface is water over a bottom, and not under dry ground.
+bool is_water(vec3 point)
+{
+  vec3 at = transform_point(water_light.view, point);
+  float below = bottom_depth(to_texture(water_light.projection, at));
+  return below >= -at.z && below < NOTHING;
+}
+
 // From one launching place on the water plane to the next along the window's x (0) or y (1), in m.
 vec3 launch_step(int axis)
 {
@@ -155,9 +162,7 @@ Photon photon(WaterPoint point, mat2 mesh_turn, vec2 launch)
   result.spread = sqrt(squares);
   result.light = (1.0 - schlick(dot(normal, to_sun), water.fresnel.x, water.optics.y)) *
                  attenuation(water.optics.x, distance(found.bottom, at));
-  float below = bottom_depth(to_texture(water_light.projection, at));
-  result.wet = below >= -at.z && below < NOTHING;
-  result.landed = result.wet && direction.z < -MIN_DESCENT && found.bottom.z > -NOTHING &&
+  result.landed = direction.z < -MIN_DESCENT && found.bottom.z > -NOTHING &&
                   min(result.landing.x, result.landing.y) >= 0.0 &&
                   max(result.landing.x, result.landing.y) < 1.0;
   return result;

@@ -169,7 +169,7 @@ def test_calm_water_lets_light_straight_through(sun, slope):
     way = np.linalg.norm(on_plane(of.camera, uv, 3.0, slope) - on_plane(of.camera, uv, 0.0), axis=1)
     fresnel = optics.schlick(of.sun_direction[2], optics.reflectance_at_normal(N12), 5.0)
     np.testing.assert_allclose(photon.light, (1.0 - fresnel) * np.exp(-0.5 * way), rtol=1e-9)
-    assert photon.wet.all() and photon.landed.all()
+    assert caustics.is_water(found.position, of).all() and photon.landed.all()
 
 
 @pytest.mark.parametrize(("steps", "bound"), [(1, 0.02), (4, 2e-3)])
@@ -188,18 +188,22 @@ def test_photons_land_where_their_rays_meet_the_bottom(steps, bound):
     assert apart.max() < bound and np.linalg.norm(landing - uv, axis=1).max() * 8.0 > 0.1
 
 
-def test_photons_that_miss_are_dropped_and_dry_ground_is_told_from_water():
+def test_dry_ground_is_told_from_water():
     of = scene(SUNS["above"], 0.2, (0.0, 0.2), ())
     found, uv = launched(of)
-    photon = photons_of(found, uv, of)
-    below = on_plane(of.camera, uv, 0.2, (0.0, 0.2))[:, 2]
-    np.testing.assert_array_equal(photon.wet, below <= 0.0)
-    np.testing.assert_array_equal(photon.landed, photon.wet)
+    wet = on_plane(of.camera, uv, 0.2, (0.0, 0.2))[:, 2] <= 0.0
+    assert 0.3 < wet.mean() < 0.9
+    np.testing.assert_array_equal(caustics.is_water(found.position, of), wet)
+    nothing = replace(of, depth=np.full((64, 64), 1e5))
+    assert not caustics.is_water(found.position, nothing).any()
+
+
+def test_photons_that_miss_do_not_land():
+    of = scene(SUNS["above"], of=())
+    found, uv = launched(of)
     aside = photons_of(found, uv + np.array([0.3, 0.0]), of)
-    np.testing.assert_array_equal(aside.wet, photon.wet)
-    np.testing.assert_array_equal(aside.landed, photon.wet & (uv[:, 0] + 0.3 < 1.0))
-    nothing = photons_of(found, uv, replace(of, depth=np.full((64, 64), 1e5)))
-    assert not nothing.wet.any() and not nothing.landed.any()
+    np.testing.assert_array_equal(aside.landed, uv[:, 0] + 0.3 < 1.0)
+    assert not photons_of(found, uv, replace(of, depth=np.full((64, 64), 1e5))).landed.any()
 
 
 @pytest.mark.parametrize("amplitude", [0.1, 1.0, 10.0])
@@ -224,39 +228,32 @@ def test_bottom_is_exact_for_planes_and_keeps_its_edges():
 
 
 def loops(photon_map, spread_map, size):
-    """`sum_photons` as its definition has it, texel by texel in float64."""
+    """`sum_photons` as its definition has it, photon by photon in float64."""
     photons = len(photon_map)
     spacing = size / photons
-    sums = np.zeros((size, size, 2))
+    sums = np.zeros((size, size))
     for y, x in itertools.product(range(photons), repeat=2):
-        u, v, amount, landed = photon_map[y, x].astype(float)
-        spread = spread_map[y, x].astype(float)
-        if spread[0] <= 0.0:
-            center, half, channel, amount = np.array([x + 0.5, y + 0.5]) * spacing, [spacing] * 2, 1, 1.0
-        elif landed > 0.5:
-            half = np.clip(spread * size, min(0.25, spacing), max(8.0, 2.0 * spacing))
-            center, channel = np.array([u, v]) * size, 0
-        else:
+        u, v, light, landed = photon_map[y, x].astype(float)
+        if landed < 0.5:
             continue
+        half = np.clip(spread_map[y, x].astype(float) * size, min(0.25, spacing), max(8.0, 2.0 * spacing))
         parts = []
-        for axis in (0, 1):
-            z = np.clip((np.arange(size + 1) - center[axis]) / half[axis], -1.0, 1.0)
+        for center, width in zip((u * size, v * size), half, strict=True):
+            z = np.clip((np.arange(size + 1) - center) / width, -1.0, 1.0)
             before = np.where(z < 0.0, 0.5 * (1.0 + z) ** 2, 1.0 - 0.5 * (1.0 - z) ** 2)
             parts.append(np.diff(before))
-        sums[..., channel] += amount * spacing**2 * parts[1][:, None] * parts[0]
+        sums += light * spacing**2 * parts[1][:, None] * parts[0]
     return sums
 
 
 def random_maps(photons, seed=4):
-    """Photons all over the window and at its very border, of all widths; some lost, some dry, some dark."""
+    """Photons all over the window and at its very border, of all widths; some lost, some dark."""
     rng = np.random.default_rng(seed)
     found = rng.uniform(0, 1, (photons, photons, 4)).astype(np.float32)
     found[:2, :, :2] = rng.choice([0.0, 1e-6, 0.5, 1.0 - 1e-6], (2, photons, 2))
     found[..., 3] = rng.random((photons, photons)) < 0.8
     found[-1, :, 2] = 0.0
-    spread = (rng.uniform(0, 1, (photons, photons, 2)) ** 4).astype(np.float32)
-    spread[rng.random((photons, photons)) < 0.15] = 0.0
-    return found, spread
+    return found, (rng.uniform(0, 1, (photons, photons, 2)) ** 4).astype(np.float32)
 
 
 @pytest.mark.parametrize(("chunk", "batch"), [(100, 400), (caustics.CHUNK, caustics.BATCH)])
@@ -290,7 +287,8 @@ def calm_maps(photons, light=0.7):
 @pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
 def test_calm_water_gives_its_light_in_every_texel(photons, texels):
     """Whatever the resolutions, to the border: single precision knows a place to 1e-5 of a texel."""
-    value = caustics.resolved(caustics.sum_photons(*calm_maps(photons), texels).astype(float), photons)
+    everywhere = np.ones((photons, photons), bool)
+    value = caustics.resolved(caustics.sum_photons(*calm_maps(photons), texels), everywhere)
     np.testing.assert_allclose(value, 0.7, rtol=2e-5)
 
 
@@ -299,8 +297,9 @@ def test_calm_water_gives_its_light_up_to_the_shore(photons, texels):
     """And one photon beyond it, for the filter; there is none further away."""
     found, spread = calm_maps(photons)
     shore = 0.43 + 0.2 * np.sin(7.0 * found[..., 0])
-    spread[found[..., 1] < shore] = 0.0
-    value = caustics.resolved(caustics.sum_photons(found, spread, texels).astype(float), photons)
+    wet = found[..., 1] >= shore
+    found[~wet, 3] = 0.0
+    value = caustics.resolved(caustics.sum_photons(found, spread, texels), wet)
     lit = value > 0.0
     np.testing.assert_allclose(value[lit], 0.7, rtol=1e-4)
     x, y = lattice(texels).T.reshape(2, texels, texels)
@@ -312,15 +311,33 @@ def test_calm_water_gives_its_light_up_to_the_shore(photons, texels):
 @pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
 def test_all_light_is_on_the_bottom_or_dropped(photons, texels):
     found, spread = random_maps(photons)
+    landed = found[..., 3] > 0.5
+    half = caustics.tent_spread(spread[landed].astype(float), texels, texels / photons)
+    inside = found[landed, 2].astype(float)
+    for axis in (0, 1):
+        center = found[landed, axis].astype(float) * texels
+        beyond, before = (caustics.tent_before((edge - center) / half[:, axis]) for edge in (texels, 0.0))
+        inside *= beyond - before
+    flux = (texels / photons) ** 2
     sums = caustics.sum_photons(found, spread, texels).astype(float)
-    index = np.stack([np.arange(photons**2) % photons, np.arange(photons**2) // photons])
-    given = caustics.deposit(found.reshape(-1, 4).T, spread.reshape(-1, 2).T, index, texels, texels / photons)
-    for channel, amounts in enumerate((given.light, given.missing)):
-        inside = np.ones(photons**2)
-        for axis in (0, 1):
-            center, half = given.center[axis].astype(float), given.half_width[axis].astype(float)
-            inside *= caustics.tent_before((texels - center) / half) - caustics.tent_before(-center / half)
-        assert sums[..., channel].sum() == pytest.approx(np.sum(amounts * inside), rel=1e-5)
+    assert sums.sum() == pytest.approx(flux * inside.sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("spacing", [1.0 / 8.0, 0.3, 1.0, 1.3, 2.0, 7.5])
+def test_what_a_texel_depends_on_is_within_the_margin(spacing):
+    """A single dry photon changes no texel that lies further away from it, in light or in darkness."""
+    photons = 48
+    size = round(photons * spacing)
+    spacing = size / photons
+    margin = caustics.shore_margin(spacing)
+    sums = np.random.default_rng(6).uniform(0.5, 1.0, (size, size))
+    own = ((np.arange(size) + 0.5) / spacing).astype(int)
+    for wet in (np.ones((photons, photons), bool), np.zeros((photons, photons), bool)):
+        changed = wet.copy()
+        changed[20, 27] = ~changed[20, 27]
+        y, x = np.nonzero(caustics.resolved(sums, wet) != caustics.resolved(sums, changed))
+        assert len(x) > 0 or spacing < 1.0
+        assert np.all(np.abs(own[x] - 27) <= margin) and np.all(np.abs(own[y] - 20) <= margin)
 
 
 @pytest.mark.parametrize("spacing", [1e-3, 0.1, 1.0, 5.3, 16.0, 300.0, 4096.0])

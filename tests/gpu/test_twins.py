@@ -43,6 +43,7 @@ from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import Sky, Sun
 from tests.gpu import scenes
 from tests.gpu.glsl import data_texture, evaluate, single
+from tests.light_window import lattice
 
 EPS = 2.0**-23
 N12 = float(np.float32(1.0 / 1.333))
@@ -586,7 +587,7 @@ def test_twin_normal_offset():
     ]
     want = shadows.normal_offset(normal, to_light, 0.25)
     # The sine is the root of a difference: where it is small, it has the root of the rounding.
-    compare(np.abs(got), np.abs(want), 2 * 0.25 * np.sqrt(4 * EPS))
+    compare(np.abs(got), np.abs(want), 0.25 * np.sqrt(4 * EPS))
     sided = np.abs(np.sum(normal * to_light, axis=1)) > 4 * EPS
     np.testing.assert_array_equal(np.sign(got[sided]), np.sign(want[sided]))
 
@@ -629,19 +630,35 @@ def test_twin_window_weight():
         compare(got, shadows.window_weight(16, texel, blend), 4 * EPS / blend)
 
 
+def test_twin_face_slope():
+    projection = single(np.diag([0.5, 0.2, -0.01, 1.0]))
+    normal = unit_vectors(2000, 37)
+    normal[:100, 2] = single(RNG(38).uniform(-0.1, 0.1, 100))
+    normal[100] = 1.0, 0.0, 0.0
+    got = evaluate(
+        ["shadow_lib.glsl"],
+        {"s": ("vec2", "face_slope(n, m, 64.0)")},
+        n=normal,
+        m=np.repeat(projection[None], len(normal), axis=0),
+    )["s"]
+    compare(got, shadows.face_slope(normal, projection, 64), 1e-6, 8 * EPS)
+
+
 def test_twin_lit_part():
     rng = RNG(31)
     depth = single(rng.uniform(0, 10, (12, 9)))
     texel = single(rng.uniform(1.5, [7.5, 10.5], (3000, 2)))
     along = single(rng.uniform(-1, 11, 3000))
+    slope = single(rng.normal(size=(3000, 2)) * rng.choice([0.0, 0.5, 3.0], (3000, 1)))
     got = evaluate(
         ["shadow_lib.glsl"],
-        {"lit": ("float", "lit_part(distances, t, d)")},
+        {"lit": ("float", "lit_part(distances, t, d, s)")},
         samplers={"distances": ("FLOAT_2D", data_texture(np.repeat(depth[..., None], 4, axis=2)))},
         t=texel,
         d=along,
+        s=slope,
     )["lit"]
-    compare(got, shadows.lit_part(depth, texel, along), 1e-5)
+    nearly_even(got, shadows.lit_part(depth, texel, along, slope), 0.001)
     assert 0.1 < np.mean((got > 0.01) & (got < 0.99)), "no soft edges among the cases"
 
 
@@ -1893,6 +1910,13 @@ def test_twin_bottom_depth_of_the_light():
     assert np.any(want > 1e4) and np.ptp(want[want < 1e4]) > 4.0
 
 
+def test_twin_is_water():
+    scene, point, _, _, options = photon_case()
+    got = evaluate(results={"w": ("bool", "is_water(p)")}, p=point, **options)["w"].astype(bool)
+    want = caustics.is_water(point, scene)
+    assert 0.2 < want.mean() < 0.9 and np.mean(got != want) < 0.002
+
+
 def test_twin_launch_step():
     scene, *_, options = photon_case()
     got = evaluate(
@@ -1934,7 +1958,6 @@ def test_twin_photon(case, steps):
         "landing": ("vec2", f"{call}.landing"),
         "spread": ("vec2", f"{call}.spread"),
         "light": ("float", f"{call}.light"),
-        "wet": ("bool", f"{call}.wet"),
         "landed": ("bool", f"{call}.landed"),
     }
     got = evaluate(
@@ -1943,29 +1966,18 @@ def test_twin_photon(case, steps):
     )  # fmt: skip
     want = caustics.photon(at, mesh, launch, scene)
     assert all(np.isfinite(values).all() for values in got.values())
-    assert 0.2 < want.landed.mean() <= want.wet.mean() < 1.0
-    near = want.wet & (np.abs(want.landing - 0.5).max(axis=1) < 2.0)
+    near = caustics.is_water(at.position, scene) & (np.abs(want.landing - 0.5).max(axis=1) < 2.0)
+    assert 0.2 < near.mean() < 1.0 and 0.2 < want.landed.mean() < 1.0
     for name, bound in (("landing", 2e-5), ("spread", 2e-5), ("light", 1e-4)):
         apart = np.abs(got[name] - getattr(want, name)).reshape(len(launch), -1).max(axis=1)
         assert np.mean(apart[near] > bound) < 0.01, f"{name}: {np.sort(apart[near])[-60:]}"
-    for name in ("wet", "landed"):
-        assert np.mean(got[name].astype(bool) != getattr(want, name)) < 0.01
+    assert np.mean(got["landed"].astype(bool) != want.landed) < 0.01
 
 
 # caustics_lib.glsl
 
 RESOLUTIONS = ((96, 64), (64, 512), (256, 256), (1000, 100), (16, 1000))
 """Photons and texels a side."""
-
-
-def photon_maps(photons):
-    """(p, p, 4) and (p, p, 2) maps: photons that landed, that did not, and texels without water."""
-    rng = RNG(50)
-    found = rng.uniform(0, 1, (photons, photons, 4))
-    found[..., 3] = rng.random((photons, photons)) < 0.8
-    spread = rng.uniform(0, 4.0 / photons, (photons, photons, 2))
-    spread[rng.random((photons, photons)) < 0.2] = 0.0
-    return single(found), single(spread)
 
 
 @pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
@@ -2000,44 +2012,69 @@ def test_twin_tent_part():
     compare(got, caustics.tent_part(texel, center, half), 4 * EPS)
 
 
-@pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS[:3])
-def test_twin_deposit(photons, texels):
-    found, spread = photon_maps(photons)
-    found, spread = found.reshape(-1, 4), spread.reshape(-1, 2)
-    index = np.stack([np.arange(photons**2) % photons, np.arange(photons**2) // photons], 1)
-    spacing = float(np.float32(texels / photons))
-    call = "deposit(f, s, i, size, spacing)"
-    results = {name: ("vec2", f"{call}.{name}") for name in ("center", "half_width")}
-    results |= {name: ("float", f"{call}.{name}") for name in ("light", "missing")}
-    sizes = {"size": np.full(photons**2, texels, float), "spacing": np.full(photons**2, spacing)}
-    got = evaluate(["caustics_lib.glsl"], results, f=found, s=spread, i=index, **sizes)
-    want = caustics.deposit(found.T, spread.T, index.T, texels, spacing)
-    assert np.any(want.missing) and np.any(want.light) and np.any((want.light == 0) & (want.missing == 0))
-    for name in results:
-        compare(got[name], getattr(want, name).T, 1e-30, 4 * EPS)
+# coverage_lib.glsl
+
+
+def shore_case(photons):
+    """A mask of photons launched from water, and the options to look it up."""
+    x, y = lattice(photons).T.reshape(2, photons, photons)
+    wet = (y > 0.4 + 0.2 * np.sin(7.0 * x)) & (np.hypot(x - 0.6, y - 0.8) > 0.1)
+    spread = np.repeat(wet[..., None], 4, axis=2).astype(float)
+    return wet, {
+        "sources": ["coverage_lib.glsl"],
+        "samplers": {"spread_map": ("FLOAT_2D", data_texture(spread))},
+    }
+
+
+def test_twin_is_wet():
+    wet, options = shore_case(64)
+    y, x = (a.ravel() for a in np.mgrid[:64, :64])
+    got = evaluate(results={"w": ("bool", "is_wet(ivec2(p))")}, p=np.stack([x, y], 1), **options)["w"]
+    np.testing.assert_array_equal(got, wet.ravel())
 
 
 @pytest.mark.parametrize(("photons", "texels"), RESOLUTIONS)
 def test_twin_border_coverage(photons, texels):
     texel, every = np.arange(texels, dtype=float), np.ones(texels)
     spacing = float(np.float32(texels / photons))
+    _, options = shore_case(16)
     got = evaluate(
-        ["caustics_lib.glsl"],
-        {"b": ("float", "border_coverage(t, size, spacing)")},
+        results={"b": ("float", "border_coverage(t, size, spacing)")},
         t=texel,
         size=texels * every,
         spacing=spacing * every,
+        **options,
     )["b"]
     compare(got, caustics.border_coverage(texel, texels, spacing), 4 * EPS * max(spacing, 1.0))
 
 
-def test_twin_coverage():
-    rng = RNG(53)
-    texel, missing = rng.integers(0, 100, (2000, 2)).astype(float), single(rng.uniform(0, 1, 2000))
-    got = evaluate(["caustics_lib.glsl"], {"c": ("float", "coverage(m, t, 100.0, 2.0)")}, m=missing, t=texel)[
-        "c"
-    ]
-    compare(got, caustics.coverage(missing, texel, 100, 2.0), 8 * EPS)
+def evaluate_at_texels(function, photons, texels):
+    """function(ivec2 texel, float size, float spacing) at all texels, and the photons launched from water."""
+    wet, options = shore_case(photons)
+    y, x = (a.ravel() for a in np.mgrid[:texels, :texels])
+    got = evaluate(
+        results={"c": ("float", f"{function}(ivec2(t), size, spacing)")},
+        t=np.stack([x, y], 1),
+        size=np.full(texels**2, texels, float),
+        spacing=np.full(texels**2, texels / photons),
+        **options,
+    )
+    return got["c"].reshape(texels, texels), wet
+
+
+@pytest.mark.parametrize(("photons", "texels"), [(64, 200), (200, 64), (96, 96)])
+def test_twin_coverage(photons, texels):
+    """A place in the texture is known to EPS of its size, and a tent is 1 / spacing steep."""
+    got, wet = evaluate_at_texels("coverage", photons, texels)
+    want = caustics.coverage(wet.astype(float), texels)
+    assert np.mean((want > 0.01) & (want < 0.99)) > 0.01
+    compare(got, want, 8 * EPS * texels)
+
+
+@pytest.mark.parametrize(("photons", "texels"), [(64, 200), (200, 64), (96, 96)])
+def test_twin_whole_coverage(photons, texels):
+    got, _ = evaluate_at_texels("whole_coverage", photons, texels)
+    compare(got, caustics.whole_coverage(texels, texels / photons), 8 * EPS)
 
 
 # technique_traced_lib.glsl

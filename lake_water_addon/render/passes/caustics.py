@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 GROUP = 8
 """Photons a side that a work group adds."""
 
+TILE = 16
+"""Photons a side of a tile in which there is a shore or not."""
+
 MAPS = (("FLOAT_2D", "photon_map"), ("FLOAT_2D", "spread_map"))
 
 SUM = ShaderSpec(
@@ -37,13 +41,24 @@ SUM = ShaderSpec(
     push_constants=(("FLOAT", "counter_scale"),),
 )
 
+SHORE = ShaderSpec(
+    name="caustics_shore",
+    vertex="background_vert.glsl",
+    fragment="caustics_shore_frag.glsl",
+    vertex_in=(("VEC2", "position"),),
+    varyings=(("VEC2", "v_ndc"),),
+    outputs=(("FLOAT", "out_part"),),
+    samplers=MAPS[1:],
+    push_constants=(("INT", "margin"),),
+)
+
 POINTS = ShaderSpec(
     name="caustics_points",
     vertex="caustics_points_vert.glsl",
     fragment="caustics_points_frag.glsl",
     vertex_in=(("FLOAT", "column"),),
-    varyings=(("VEC2", "v_center"), ("VEC2", "v_half_width"), ("VEC2", "v_amounts")),
-    outputs=(("VEC2", "out_sums"),),
+    varyings=(("VEC2", "v_center"), ("VEC2", "v_half_width"), ("FLOAT", "v_light")),
+    outputs=(("FLOAT", "out_sum"),),
     samplers=MAPS,
     push_constants=(("FLOAT", "size"),),
 )
@@ -73,9 +88,9 @@ def photon_spec(*, grid: bool, shadows: bool) -> tuple[ShaderSpec, dict[str, str
 def resolve_spec(*, counters: bool) -> tuple[ShaderSpec, dict[str, str]]:
     """The variant's interface and defines."""
     if counters:
-        sums, constants, defines = ("UINT_2D", "counters"), [("FLOAT", "counter_scale")], {"COUNTERS": ""}
+        sums, constants, defines = ("UINT_2D", "counters"), (("FLOAT", "counter_scale"),), {"COUNTERS": ""}
     else:
-        sums, constants, defines = ("FLOAT_2D", "sums"), [], {}
+        sums, constants, defines = ("FLOAT_2D", "sums"), (), {}
     spec = ShaderSpec(
         name="caustics_resolve",
         vertex="background_vert.glsl",
@@ -83,10 +98,10 @@ def resolve_spec(*, counters: bool) -> tuple[ShaderSpec, dict[str, str]]:
         vertex_in=(("VEC2", "position"),),
         varyings=(("VEC2", "v_ndc"),),
         outputs=(("FLOAT", "out_value"),),
-        samplers=(sums,),
-        push_constants=(("FLOAT", "photons"), *constants),
+        samplers=(sums, MAPS[1], ("FLOAT_2D", "shore")),
+        push_constants=constants,
     )
-    return spec, defines
+    return spec, {"TILE": str(TILE), **defines}
 
 
 @dataclass(frozen=True)
@@ -193,23 +208,35 @@ class CausticsPainter:
     def sum_photons(self, photons: Target, target: Target, method: str) -> None:
         """The caustics of a photon map into `target`. method: as `ChosenMethod` has it."""
         texels = target.size[0]
+        shore = self._draw_shore(photons, texels)
         sums = self.light_sums(photons, texels, method)
         spec, defines = resolve_spec(counters=method == "GPU_COMPUTE")
         shader = self._library.get(spec, defines)
-        with target.framebuffer.bind(), opaque_state():
-            gpu.state.depth_test_set("NONE")
-            gpu.state.depth_mask_set(False)
+        with target.framebuffer.bind(), _whole_target():
             shader.bind()
             shader.uniform_sampler(spec.samplers[0][1], sums)
-            shader.uniform_float("photons", photons.size[0])
+            shader.uniform_sampler("spread_map", photons.colors[1])
+            shader.uniform_sampler("shore", shore)
             if method == "GPU_COMPUTE":
                 shader.uniform_float("counter_scale", caustics.counter_scale(texels / photons.size[0]))
             self._resources.covering_triangle().draw(shader)
 
-    def light_sums(self, photons: Target, texels: int, method: str) -> GPUTexture:
-        """Sums of a photon map's light and of what is missing: (texels, texels) of two floats.
+    def _draw_shore(self, photons: Target, texels: int) -> GPUTexture:
+        """Where there are photons that are launched from water and others close to each other."""
+        tiles = -(-photons.size[0] // TILE)
+        target = self._targets.get(("caustics shore",), (tiles, tiles), ("R8",), depth=False)
+        shader = self._library.get(SHORE, {"TILE": str(TILE)})
+        with target.framebuffer.bind(), _whole_target():
+            shader.bind()
+            shader.uniform_sampler("spread_map", photons.colors[1])
+            shader.uniform_int("margin", caustics.shore_margin(texels / photons.size[0]))
+            self._resources.covering_triangle().draw(shader)
+        return target.colors[0]
 
-        GPU_COMPUTE: integers, three such squares one above the other, as its shader says.
+    def light_sums(self, photons: Target, texels: int, method: str) -> GPUTexture:
+        """Sums of a photon map's light, (texels, texels).
+
+        GPU_COMPUTE: integers, two such squares one above the other, as its shader says.
         """
         if method == "GPU_COMPUTE":
             return self._count(photons, texels)
@@ -218,7 +245,7 @@ class CausticsPainter:
         return self._add_on_processor(photons, texels)
 
     def _count(self, photons: Target, texels: int) -> GPUTexture:
-        counters = self._targets.get(("caustics counters",), (texels, 3 * texels), ("R32UI",), depth=False)
+        counters = self._targets.get(("caustics counters",), (texels, 2 * texels), ("R32UI",), depth=False)
         counters.colors[0].clear(format="UINT", value=(0,))
         shader = self._library.get(SUM)
         shader.bind()
@@ -236,12 +263,10 @@ class CausticsPainter:
         if self._columns is None or self._columns[0] != count:
             columns = np.arange(count, dtype=np.float32)[:, None]
             self._columns = count, self._resources.points(self._resources.vertex_buffer({"column": columns}))
-        sums = self._targets.get(("caustics sums",), (texels, texels), ("RG32F",), depth=False)
+        sums = self._targets.get(("caustics sums",), (texels, texels), ("R32F",), depth=False)
         shader = self._library.get(POINTS)
-        with sums.framebuffer.bind(), opaque_state():
+        with sums.framebuffer.bind(), _whole_target():
             sums.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
-            gpu.state.depth_test_set("NONE")
-            gpu.state.depth_mask_set(False)
             gpu.state.blend_set("ADDITIVE_PREMULT")
             gpu.state.program_point_size_set(True)
             try:
@@ -259,4 +284,13 @@ class CausticsPainter:
         count = photons.size[0]
         maps = [np.asarray(texture.read()).reshape(count, count, -1) for texture in photons.colors]
         sums = caustics.sum_photons(*maps, texels)
-        return self._resources.texture((texels, texels), "RG32F", sums)
+        return self._resources.texture((texels, texels), "R32F", sums)
+
+
+@contextmanager
+def _whole_target() -> Iterator[None]:
+    """Every pixel is drawn, whatever the depth; afterwards everything as Blender expects it."""
+    with opaque_state():
+        gpu.state.depth_test_set("NONE")
+        gpu.state.depth_mask_set(False)
+        yield
