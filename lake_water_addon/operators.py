@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The buttons. Each is one call deep: the work is done by functions that need no user interface."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import bpy
-from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
+from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
+from mathutils import Color
 
-from . import handlers, preferences, properties, water_objects
+from . import handlers, map_images, preferences, properties, water_objects
+from .core import parameters
+from .core.attenuation import PUBLISHED, WAVELENGTHS
+from .core.techniques import TECHNIQUES
+from .properties import place_of
 from .registration import register_classes, unregister_classes
 from .water_objects import WaterError
 
 ENGINE_ID = "LAKE_WATER"
-PARAMETERS = ("k", "q", "c", "water_color")  # on the water object; fov_ext is on the scene
 SCENE_DISPLAY = ("show_in_viewport", "show_statistics")  # how the viewport looks, no parameter of the picture
 
 
@@ -209,58 +213,197 @@ class LAKE_WATER_OT_remove_water(_ObjectModeOperator, bpy.types.Operator):
         return {"FINISHED"}
 
 
+def _option(group: type[bpy.types.PropertyGroup], name: str) -> object:
+    """The property of an operator that is like a setting of a group."""
+    setting = group.__annotations__[name]
+    # SKIP_SAVE: a value that is left out means "as it is", not "as in the last call".
+    kept = {key: value for key, value in setting.keywords.items() if key not in ("update", "override")}
+    return setting.function(**kept | {"options": {"SKIP_SAVE"}})
+
+
+def _options() -> dict[str, object]:
+    """A property for every parameter of `core.parameters`; an image's is its name."""
+    options = {name: _option(properties.LakeWaterObjectSettings, name) for name in parameters.WATER}
+    for name, own in parameters.OWN.items():
+        if own.is_image:
+            options[name] = StringProperty(
+                name=own.label, description="Name of an image of this file, or nothing", options={"SKIP_SAVE"}
+            )
+        else:
+            options[name] = _option(properties.TECHNIQUE_GROUPS[own.technique.lower()], own.field)
+    return options | {name: _option(properties.LakeWaterSceneSettings, name) for name in parameters.SCENE}
+
+
 class LAKE_WATER_OT_set_parameters(_ObjectModeOperator, bpy.types.Operator):
-    """Set the main parameters of the selected water and of the scene in one step"""
+    """Set parameters of the selected water and of the scene in one step"""
 
     bl_idname = "lake_water.set_parameters"
     bl_label = "Set Parameters"
 
-    # SKIP_SAVE: a value that is left out means "as it is", not "as in the last call".
-    k: FloatProperty(**properties.K, options={"SKIP_SAVE"})
-    q: FloatProperty(**properties.Q, options={"SKIP_SAVE"})
-    c: FloatProperty(**properties.C, options={"SKIP_SAVE"})
-    fov_ext: FloatProperty(**properties.FOV_EXT, options={"SKIP_SAVE"})
-    water_color: FloatVectorProperty(**properties.WATER_COLOR, options={"SKIP_SAVE"})
+    filled_in: StringProperty(
+        description="Names of parameters that nobody gave, and that show what holds",
+        options={"HIDDEN", "SKIP_SAVE"},
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return True  # changes settings only: fine in every mode
 
-    def _fill_in(self, context: bpy.types.Context) -> list[bpy.types.Object]:
-        """Take what the caller left out from the first target, and return the targets."""
-        targets = target_waters(context)
-        for name in PARAMETERS:
-            if not self.properties.is_property_set(name):
-                setattr(self, name, getattr(targets[0].lake_water, name))
-        if not self.properties.is_property_set("fov_ext"):
-            self.fov_ext = context.scene.lake_water.fov_ext
-        return targets
+    def _shown(self, scene: bpy.types.Scene) -> tuple[str, ...]:
+        return parameters.of_technique(scene.lake_water.technique)
+
+    def _given(self, scene: bpy.types.Scene, obj: bpy.types.Object) -> dict[str, object]:
+        """What was asked for, by name: what the caller gave, and what a person then changed in the popup."""
+        filled_in = self.filled_in.split()
+        given = {}
+        for name in (*parameters.WATER, *parameters.OWN, *parameters.SCENE):
+            if self.properties.is_property_set(name):
+                value = getattr(self, name)
+                if name not in filled_in or _plain(value) != _plain(getattr(*place_of(name, scene, obj))):
+                    given[name] = value
+        return given
+
+    def _fill_in(self, scene: bpy.types.Scene, obj: bpy.types.Object, given: Iterable[str]) -> None:
+        """Let what is shown, and was not given, say what holds."""
+        names = [name for name in self._shown(scene) if name not in given]
+        for name in names:
+            setattr(self, name, getattr(*place_of(name, scene, obj)))
+        self.filled_in = " ".join(names)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         try:
-            self._fill_in(context)
+            first = target_waters(context)[0]
         except WaterError as error:
             return self.refuse(error)
+        self._fill_in(context.scene, first, self._given(context.scene, first))
         return context.window_manager.invoke_props_popup(self, event)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        given = [name for name in PARAMETERS if self.properties.is_property_set(name)]
+        scene = context.scene
         try:
-            targets = self._fill_in(context)  # so that the redo panel shows what holds
+            targets = target_waters(context)
+            given = self._given(scene, targets[0])
+            values = {name: self._value(name, value) for name, value in given.items()}
         except WaterError as error:
             return self.refuse(error)
-        for obj in targets:
-            for name in given:
-                setattr(obj.lake_water, name, getattr(self, name))
-        context.scene.lake_water.fov_ext = self.fov_ext
+        try:
+            for obj in targets:
+                for name, value in values.items():
+                    setattr(*place_of(name, scene, obj), value)
+        except AttributeError:
+            return self.refuse(
+                WaterError(
+                    f'"{obj.name}" or the scene is linked from another file: make it local, or a library '
+                    "override, first"
+                )
+            )
+        self._fill_in(scene, targets[0], given)  # so that the redo panel shows what holds
+        technique = scene.lake_water.technique
+        without = [name for name in given if not parameters.has_effect(name, technique)]
+        if without:
+            labels = ", ".join(self.bl_rna.properties[name].name for name in without)
+            self.report({"WARNING"}, f"No effect with the technique {TECHNIQUES[technique].label}: {labels}")
         return {"FINISHED"}
+
+    @staticmethod
+    def _value(name: str, value: object) -> object:
+        """The value to set; an image for its name. Raises WaterError for one that is not there."""
+        if name not in parameters.OWN or not parameters.OWN[name].is_image:
+            return value
+        if value and value not in bpy.data.images:
+            raise WaterError(
+                f'There is no image "{value}" in this file: open it first, or give its exact name'
+            )
+        return bpy.data.images[value] if value else None
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("k", "q", "c", "water_color", "fov_ext"):
+        for name in self._shown(context.scene):
             layout.prop(self, name)
+
+
+LAKE_WATER_OT_set_parameters.__annotations__ |= _options()
+
+
+def _plain(value: object) -> object:
+    """A value to compare: vectors and colors as tuples."""
+    return tuple(value) if isinstance(value, (bpy.types.bpy_prop_array, Color)) else value
+
+
+class LAKE_WATER_OT_new_map(bpy.types.Operator):
+    """Make a tileable image of ripples, which can then be painted on, saved or exchanged"""
+
+    bl_idname = "lake_water.new_map"
+    bl_label = "New Map"
+    bl_options = {"REGISTER", "UNDO"}
+
+    parameter: StringProperty(
+        description="Where the image goes, such as pond_normal_map_0", options={"HIDDEN", "SKIP_SAVE"}
+    )
+    seed: IntProperty(
+        name="Seed",
+        description="Another number gives other ripples; the same number the same",
+        default=1,
+        min=0,
+        max=2**31 - 1,
+    )
+    size: IntProperty(
+        name="Size",
+        description="Width and height in pixels. The ripples of a tile are the same in any size",
+        default=map_images.DEFAULT_SIZE,
+        min=8,
+        max=4096,
+        soft_min=64,
+        soft_max=1024,
+        subtype="PIXEL",
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if shown_water(context) is None:
+            cls.poll_message_set("Select a water object first")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        own = parameters.OWN.get(self.parameter)
+        kind = TECHNIQUES[own.technique].settings.maps.get(own.field) if own is not None else None
+        if kind not in map_images.LABELS:
+            self.report({"ERROR"}, f'"{self.parameter}" is no normal map or dudv map')
+            return {"CANCELLED"}
+        group, name = place_of(self.parameter, context.scene, shown_water(context))
+        setattr(group, name, map_images.wave_map(kind, self.seed, self.size))
+        return {"FINISHED"}
+
+
+class LAKE_WATER_OT_set_absorption(_ObjectModeOperator, bpy.types.Operator):
+    """Take the absorption of the selected water from published measurements"""
+
+    bl_idname = "lake_water.set_absorption"
+    bl_label = "Published Values"
+
+    water: EnumProperty(
+        name="Water",
+        description="The water that was measured",
+        items=[
+            (key, published.label, f"{published.description}. {published.per_metre} 1/m at {WAVELENGTHS} nm")
+            for key, published in PUBLISHED.items()
+        ],
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            for obj in target_waters(context):
+                obj.lake_water.traced.absorption = PUBLISHED[self.water].per_metre
+        except WaterError as error:
+            return self.refuse(error)
+        return {"FINISHED"}
 
 
 class LAKE_WATER_OT_reset_parameters(_ObjectModeOperator, bpy.types.Operator):
@@ -346,6 +489,8 @@ CLASSES = (
     LAKE_WATER_OT_make_water,
     LAKE_WATER_OT_remove_water,
     LAKE_WATER_OT_set_parameters,
+    LAKE_WATER_OT_new_map,
+    LAKE_WATER_OT_set_absorption,
     LAKE_WATER_OT_reset_parameters,
     LAKE_WATER_OT_wave_add,
     LAKE_WATER_OT_wave_remove,

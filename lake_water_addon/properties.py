@@ -21,6 +21,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from .core import parameters
 from .core.settings import CAUSTICS_METHODS, DEFAULTS
 from .core.technique_settings import TechniqueSettings
 from .core.techniques import TECHNIQUES
@@ -37,7 +38,6 @@ NOTIFY = {"update": _changed}
 OVERRIDABLE = {"override": {"LIBRARY_OVERRIDABLE"}}
 OBJECT = NOTIFY | OVERRIDABLE
 
-# The five that the operator `lake_water.set_parameters` shows as well: stated once.
 K = {
     "name": "Attenuation k (1/m)",
     "description": "How fast the water swallows light: after 1/k metres 37 % of what lies behind it is left "
@@ -492,6 +492,16 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
 
 
 CLASSES = (LakeWaterWave, *TECHNIQUE_GROUPS.values(), LakeWaterObjectSettings, LakeWaterSceneSettings)
+
+
+def place_of(name: str, scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[bpy.types.PropertyGroup, str]:
+    """The group that holds a parameter of `core.parameters`, and its name in it. obj: a water object."""
+    if name in parameters.SCENE:
+        return scene.lake_water, name
+    own = parameters.OWN.get(name)
+    if own is None:
+        return obj.lake_water, name
+    return getattr(obj.lake_water, own.technique.lower()), own.field
 
 
 def register() -> None:

@@ -259,10 +259,14 @@ def remove_water(obj: bpy.types.Object) -> None:
 
 
 def reset_settings(group: bpy.types.PropertyGroup, keep: Iterable[str] = ()) -> None:
-    """Put every setting of a property group back to its default, except those named in `keep`."""
+    """Put every setting of a property group and of groups in it back to its default, but those in `keep`."""
     kept = {"rna_type", "name", *keep}
     for prop in group.bl_rna.properties:
-        if not prop.is_readonly and prop.identifier not in kept:
+        if prop.identifier in kept:
+            continue
+        if isinstance(value := getattr(group, prop.identifier), bpy.types.PropertyGroup):
+            reset_settings(value)
+        elif not prop.is_readonly:
             group.property_unset(prop.identifier)
     group.id_data.update_tag()  # property_unset tags nothing by itself
 

@@ -85,7 +85,7 @@ TECHNIQUES: dict[str, Technique] = {
         "Flat water under a scrolling dudv map, more opaque with distance, angle and depth (Chen). Draws the "
         "scene three times a frame",
         RefractionMap.WHOLE,
-        _PICTURES | _SUNLIGHT,
+        _PICTURES | _SUNLIGHT | {"water_color"},  # the color from under water alone
         settings=RippleSettings,
     ),
     "TRACED": Technique(
