@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shadows from the depth texture of a light camera: the float64 twin of `gpu_shaders/shadow_lib.glsl`.
 
-A point is lit where the nearest thing on the light's way lies no nearer than the point itself. The
-answers of 3x3 texels are weighted with a quadratic B-spline, which makes edges smooth over two
-texels. Before that the point is moved along its face's normal, just so far that a flat surface does
-not shade itself within those texels, whatever its slope. The normal has to be the face's own: along
-one that is smoothed, or turned up as those of grass are, the point would stay in the face's plane.
+Each of the 3x3 texels around a point says whether something lies nearer to the light than the point's
+own face, continued to that texel's middle: so a face does not shade itself, whatever its slope, and its
+shadows begin at its foot. Their answers are weighted with a quadratic B-spline, which makes edges smooth
+over two texels. For what is not flat, the point is moved a little along its face's normal before. That
+has to be the face's own: one that is smoothed, or turned up as those of grass are, has another slope.
 """
 
 from __future__ import annotations
@@ -19,6 +19,12 @@ from .light import LightCamera
 
 SHADOW_BIAS = 1e-3
 """m: nothing is shaded by what is nearer than this in front of it."""
+
+NORMAL_OFFSET = 0.5
+"""Texels: how far along its normal a point is moved, for light that grazes its face."""
+
+LEAST_FACING = 0.05
+"""Least cosine between a face's normal and the light for which its slope is still taken as it is."""
 
 FILTER_REACH = 1.5
 """Texels: how far from a place the filter reads."""
@@ -38,15 +44,20 @@ def spline_weights(offset: np.ndarray) -> np.ndarray:
 
 
 def normal_offset(normal: np.ndarray, to_light: np.ndarray, texel: float) -> np.ndarray:
-    """(...,) m by which points with unit normals (..., 3) are moved along them: 2 texels times the sine.
+    """(...,) m by which points with unit normals (..., 3) are moved along them, in proportion to the sine.
 
-    Over the filter's 1.5 texels, a plane at an angle to the light is 1.5 texels times its tangent deep;
-    moved along its normal by as many texels times the sine, it clears that. Negative where the normal
-    points away from the light: both sides of a leaf are lit by what reaches the leaf.
+    Negative where the normal points away from the light: both sides of a leaf are lit by what reaches it.
     """
     cosine = np.clip(np.sum(normal * to_light, axis=-1), -1.0, 1.0)
-    clearance = 2.0 * texel * np.sqrt(1.0 - cosine * cosine) + SHADOW_BIAS
+    clearance = NORMAL_OFFSET * texel * np.sqrt(1.0 - cosine * cosine) + SHADOW_BIAS
     return np.where(cosine < 0.0, -clearance, clearance)
+
+
+def face_slope(normal: np.ndarray, projection: np.ndarray, size: int) -> np.ndarray:
+    """(n, 2) m along the light for each texel across it, on faces with normals (n, 3) in the camera's space."""
+    z = normal[:, 2:]
+    facing = np.where(z < 0.0, np.minimum(z, -LEAST_FACING), np.maximum(z, LEAST_FACING))
+    return 2.0 * normal[:, :2] / (facing * size * projection[(0, 1), (0, 1)])
 
 
 def in_window(projection: np.ndarray, size: int, at: np.ndarray) -> np.ndarray:
@@ -63,18 +74,21 @@ def window_weight(size: int, texel: np.ndarray, blend: float) -> np.ndarray:
     return np.clip(inside / blend, 0.0, 1.0)
 
 
-def lit_part(depth: np.ndarray, texel: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """(n,) part of the 3x3 texels around places (n, 2), in texels, with nothing nearer than `along` (n,) m.
+def lit_part(depth: np.ndarray, texel: np.ndarray, along: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """(n,) part of the 3x3 texels around places (n, 2), in texels, that have nothing in front of a face.
 
-    depth: (h, w) distances along the light in m, first row at the bottom.
+    along: (n,) m along the light to the face at the place; slope: (n, 2) as of `face_slope`. depth: (h, w) distances along
+    the light in m, first row at the bottom.
     """
     nearest = np.floor(texel)
-    weights = spline_weights(texel - nearest - 0.5)
+    offset = texel - nearest - 0.5
+    weights = spline_weights(offset)
     column, row = nearest.astype(int).T
     lit = np.zeros(len(texel))
     for y in range(3):
         for x in range(3):
-            clear = depth[row + y - 1, column + x - 1] >= along
+            face = along + np.sum(slope * (np.array([x, y]) - 1.0 - offset), axis=1)
+            clear = depth[row + y - 1, column + x - 1] >= face
             lit += np.where(clear, weights[:, 0, x] * weights[:, 1, y], 0.0)
     return lit
 
@@ -97,6 +111,7 @@ def visibility(
         blend = WINDOW_BLEND * size if i < len(windows) - 1 else LEAST_BLEND
         weight = unknown * window_weight(size, texel, blend)
         inside = weight > 0.0
-        lit[inside] += weight[inside] * lit_part(depth, texel[inside], -at[inside, 2])
+        slope = face_slope(normal @ camera.view[:3, :3].T, camera.projection, size)
+        lit[inside] += weight[inside] * lit_part(depth, texel[inside], -at[inside, 2], slope[inside])
         unknown -= weight
     return lit + unknown

@@ -5,6 +5,10 @@
 
 // m: nothing is shaded by what is nearer than this in front of it.
 #define SHADOW_BIAS 1e-3
+// In texels: how far along its normal a point is moved, for light that grazes its face.
+#define NORMAL_OFFSET 0.5
+// Least cosine between a face's normal and the light for which its slope is still taken as it is.
+#define LEAST_FACING 0.05
 // In texels: how far from a place the filter reads.
 #define FILTER_REACH 1.5
 // Width, as a part of a window, over which it gives way to the next.
@@ -23,8 +27,15 @@ vec3 spline_weights(float offset)
 float normal_offset(vec3 normal, vec3 to_light, float texel)
 {
   float cosine = clamp(dot(normal, to_light), -1.0, 1.0);
-  float clearance = 2.0 * texel * sqrt(1.0 - cosine * cosine) + SHADOW_BIAS;
+  float clearance = NORMAL_OFFSET * texel * sqrt(1.0 - cosine * cosine) + SHADOW_BIAS;
   return cosine < 0.0 ? -clearance : clearance;
+}
+
+// Along a face with this normal in a light camera's space: m along the light for each texel across it.
+vec2 face_slope(vec3 normal, mat4 projection, float size)
+{
+  float facing = normal.z < 0.0 ? min(normal.z, -LEAST_FACING) : max(normal.z, LEAST_FACING);
+  return 2.0 * normal.xy / (facing * size * vec2(projection[0][0], projection[1][1]));
 }
 
 // Where a point in a light camera's space lies in its window of `size` texels a side, in texels.
@@ -42,19 +53,22 @@ float window_weight(float size, vec2 texel, float blend)
   return clamp(min(inside.x, inside.y) / blend, 0.0, 1.0);
 }
 
-// Part of the 3x3 texels around a place that has nothing nearer to the light than `along` m, 0 to 1.
-float lit_part(sampler2D distances, vec2 texel, float along)
+// Part of the 3x3 texels around a place that has nothing nearer to the light than the face there, 0 to 1.
+// along: m to the face at the place; slope: of the face.
+float lit_part(sampler2D distances, vec2 texel, float along, vec2 slope)
 {
   vec2 nearest = floor(texel);
-  vec3 wx = spline_weights(texel.x - nearest.x - 0.5);
-  vec3 wy = spline_weights(texel.y - nearest.y - 0.5);
+  vec2 offset = texel - nearest - 0.5;
+  vec3 wx = spline_weights(offset.x);
+  vec3 wy = spline_weights(offset.y);
   ivec2 first = ivec2(nearest) - 1;
+  vec3 face = vec3(along - dot(slope, offset + 1.0)) + vec3(0.0, slope.x, 2.0 * slope.x);
   float lit = 0.0;
   for (int y = 0; y < 3; y++) {
     vec3 row = vec3(texelFetch(distances, first + ivec2(0, y), 0).r,
                     texelFetch(distances, first + ivec2(1, y), 0).r,
                     texelFetch(distances, first + ivec2(2, y), 0).r);
-    lit += wy[y] * dot(wx, vec3(greaterThanEqual(row, vec3(along))));
+    lit += wy[y] * dot(wx, vec3(greaterThanEqual(row, face + float(y) * slope.y)));
   }
   return lit;
 }
@@ -77,7 +91,8 @@ float sun_visibility(vec3 position, vec3 normal)
     float weight = unknown * window_weight(lights.shadow.y, texel, blend);
     if (weight > 0.0) {
       texel.y += float(i) * lights.shadow.y;
-      lit += weight * lit_part(shadow_depth, texel, -at.z);
+      vec2 slope = face_slope(out_of, lights.shadow_projections[i], lights.shadow.y);
+      lit += weight * lit_part(shadow_depth, texel, -at.z, slope);
       unknown -= weight;
     }
     if (unknown <= 0.0) {

@@ -19,13 +19,15 @@ float calm_light_path(vec3 position)
 // water casts these shadows.
 float water_light_visibility(vec3 position, vec3 normal)
 {
-  vec3 moved = position + normal_offset(normal, -water_light.direction.xyz, water_light.depth.y) * normal;
-  vec3 at = transform_point(water_light.view, moved);
+  vec3 out_of = transform_direction(water_light.view, normal);
+  vec3 at = transform_point(water_light.view, position) +
+            normal_offset(out_of, vec3(0.0, 0.0, 1.0), water_light.depth.y) * out_of;
   vec2 texel = in_window(water_light.projection, water_light.depth.x, at);
   if (window_weight(water_light.depth.x, texel, LEAST_BLEND) < 1.0) {
     return 1.0;
   }
-  return lit_part(light_depth, texel, -at.z);
+  vec2 slope = face_slope(out_of, water_light.projection, water_light.depth.x);
+  return lit_part(light_depth, texel, -at.z, slope);
 }
 #endif
 

