@@ -127,7 +127,7 @@ def caustics(lake: LakeScene) -> Image.Image:
 
 
 def shadows(lake: LakeScene) -> Image.Image:
-    return variants(lake, (-15.0, -7.0, 5.0), (0.0, 0.0, -1.0), {}, {"use_shadows": False})
+    return variants(lake, (6.0, -15.0, 4.5), (0.0, 0.0, -0.5), {}, {"use_shadows": False})
 
 
 def glow(lake: LakeScene) -> Image.Image:
@@ -141,13 +141,14 @@ def under_water(lake: LakeScene) -> Image.Image:
         (2.0, -2.0, -0.7),
         {},
         {"use_caustics": False, "use_shadows": False},
-        {"use_exact_under_water": True},
     )
 
 
 def window(lake: LakeScene) -> Image.Image:
-    """Straight up from 2 m under water: the thesis's approximation, and Snell's window."""
-    return variants(lake, (-6.0, 2.0, -2.0), (-6.0, 2.05, 0.0), {}, {"use_exact_under_water": True})
+    """Up from 2 m under water through a wide lens: the thesis's approximation, and Snell's window."""
+    lake.camera.data.lens = 11.0
+    thesis = {"use_exact_under_water": False}
+    return variants(lake, (-6.0, 2.0, -2.0), (-5.2, 2.4, 0.0), {}, thesis)
 
 
 def high_waves(lake: LakeScene) -> None:
