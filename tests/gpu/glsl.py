@@ -126,6 +126,7 @@ void main()
         (shader.uniform_int if kind == "INT" else shader.uniform_float)(name, values)
     shader.image("lw_results", out)
     gpu.compute.dispatch(shader, COLUMNS // 64, rows, 1)
+    gpu.shader.unbind()  # it is freed on return, and Blender crashes over one that is still bound
     pixels = np.asarray(out.read(), dtype=np.float32).reshape(len(results), rows * COLUMNS, 4)
     answer = {}
     for slot, (name, (kind, _)) in enumerate(results.items()):
