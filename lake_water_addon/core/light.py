@@ -17,7 +17,7 @@ STEPS_PER_DOUBLING = 2
 """Sizes that a window may have between one and twice that."""
 
 BORDER = 4
-"""Free texels on each side: a shadow's filter reads 1.5 texels away, and its lookup is moved by half a one."""
+"""Free texels on each side: a shadow's filter reads 1.5 texels away, its lookup is moved by 0.5."""
 
 STEPS_PER_WINDOW = 16
 """A window moves by a part of its size, so that a moving view does not ask for a new one in each frame."""

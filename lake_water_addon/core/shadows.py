@@ -54,7 +54,7 @@ def normal_offset(normal: np.ndarray, to_light: np.ndarray, texel: float) -> np.
 
 
 def face_slope(normal: np.ndarray, projection: np.ndarray, size: int) -> np.ndarray:
-    """(n, 2) m along the light for each texel across it, on faces with normals (n, 3) in the camera's space."""
+    """(n, 2) m along the light for each texel across it; faces have normals (n, 3) in the camera's space."""
     z = normal[:, 2:]
     facing = np.where(z < 0.0, np.minimum(z, -LEAST_FACING), np.maximum(z, LEAST_FACING))
     return 2.0 * normal[:, :2] / (facing * size * projection[(0, 1), (0, 1)])
@@ -77,8 +77,8 @@ def window_weight(size: int, texel: np.ndarray, blend: float) -> np.ndarray:
 def lit_part(depth: np.ndarray, texel: np.ndarray, along: np.ndarray, slope: np.ndarray) -> np.ndarray:
     """(n,) part of the 3x3 texels around places (n, 2), in texels, that have nothing in front of a face.
 
-    along: (n,) m along the light to the face at the place; slope: (n, 2) as of `face_slope`. depth: (h, w) distances along
-    the light in m, first row at the bottom.
+    along: (n,) m along the light to the face at the place; slope: (n, 2) as of `face_slope`. depth: (h, w)
+    distances along the light in m, first row at the bottom.
     """
     nearest = np.floor(texel)
     offset = texel - nearest - 0.5
