@@ -162,7 +162,7 @@ class Sunlight:
         progress: Progress = lambda chunks, _number, _what: chunks,
     ) -> Window:
         """A window of `size` = (columns, rows) cells. photons: launched over all of it and beyond."""
-        margin = self._reach(self._surface.origin[2] - self._geometry.bounds()[0][2])
+        margin = self._reach(self._surface.origin[2] - self._geometry.bounds()[0][2]) + 1.5 * cell
         launch_low, launch_side = low - margin, size * cell + 2.0 * margin
         channels = 1 if self._water.is_gray else 3
         counts = np.zeros((2, size[1], size[0], channels))
