@@ -16,6 +16,7 @@ MODULES = (
     "preferences",
     "handlers",
     "operators",
+    "presets",
     "engine",
     "nodes.switching",
     "viewport",
