@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 # The absorption is that of Jerlov's oceanic type II (Marine Optics, 1976, table XXVII) at 650, 550 and
-# 450 nm; k is its mean, for the techniques without colors. Sun and sky are the scene's: a low sun makes the glitter.
+# 450 nm; k is its mean, for the techniques without colors.
+# Sun and sky are the scene's: a low sun makes the glitter.
 import bpy
 
 water = bpy.context.object.lake_water
