@@ -24,24 +24,6 @@ float sum_at(ivec2 texel)
 #endif
 }
 
-// The mean of the texels one photon away that water covers, where it hardly covers this one.
-float filled(ivec2 texel, int size, float spacing)
-{
-  int away = int(ceil(spacing));
-  float light = 0.0;
-  float covered = 0.0;
-  for (int i = 0; i < 4; i++) {
-    ivec2 along = i < 2 ? ivec2(1, 0) : ivec2(0, 1);
-    ivec2 neighbor = clamp(texel + (i % 2 == 0 ? -away : away) * along, ivec2(0), ivec2(size - 1));
-    float weight = coverage(neighbor, float(size), spacing);
-    if (weight >= MIN_COVERAGE * whole_coverage(neighbor, float(size), spacing)) {
-      light += sum_at(neighbor);
-      covered += weight;
-    }
-  }
-  return covered > 0.0 ? light / covered : 0.0;
-}
-
 void main()
 {
   int size = textureSize(SUMS, 0).x;
@@ -51,14 +33,28 @@ void main()
   ivec2 tile = min(ivec2((vec2(texel) + 0.5) / spacing), ivec2(photons - 1)) / TILE;
   float wet = texelFetch(shore, tile, 0).r;
 
-  float whole = whole_coverage(texel, float(size), spacing);
-  float value = 0.0;
-  if (wet > 0.75) {
-    value = sum_at(texel) / whole;
+  float light = sum_at(texel);
+  float covered = wet > 0.25 ? whole_coverage(texel, float(size), spacing) : 0.0;
+  int neighbors = 0;
+  if (wet > 0.25 && wet < 0.75) {
+    float least = MIN_COVERAGE * covered;
+    covered = coverage(texel, float(size), spacing);
+    if (covered < least) {
+      light = 0.0;
+      covered = 0.0;
+      neighbors = 4;
+    }
   }
-  else if (wet > 0.25) {
-    float covered = coverage(texel, float(size), spacing);
-    value = covered >= MIN_COVERAGE * whole ? sum_at(texel) / covered : filled(texel, size, spacing);
+  // Water hardly covers this texel: the mean of those one photon away that it covers.
+  int away = int(ceil(spacing));
+  for (int i = 0; i < neighbors; i++) {
+    ivec2 along = i < 2 ? ivec2(1, 0) : ivec2(0, 1);
+    ivec2 neighbor = clamp(texel + (i % 2 == 0 ? -away : away) * along, ivec2(0), ivec2(size - 1));
+    float weight = coverage(neighbor, float(size), spacing);
+    if (weight >= MIN_COVERAGE * whole_coverage(neighbor, float(size), spacing)) {
+      light += sum_at(neighbor);
+      covered += weight;
+    }
   }
-  out_value = min(value, MAX_HALF);
+  out_value = covered > 0.0 ? min(light / covered, MAX_HALF) : 0.0;
 }
