@@ -57,9 +57,14 @@ def error_maps(reference: np.ndarray, picture: np.ndarray, exposure: float = 0.0
     """Maps of the error of a picture, both as the eye sees them from 0.7 m of a 4K screen (FLIP's default).
 
     exposure: stops, of the displayed pictures; HDR-FLIP takes its own range of them from the reference.
-    ValueError when their shapes differ.
+    ValueError when their shapes differ, a value is not finite, or the reference is black.
     """
     _same_shape(reference, picture)
+    # FLIP itself takes NaN for equal, and ends the process where no exposure shows anything.
+    if not (np.isfinite(reference).all() and np.isfinite(picture).all()):
+        raise ValueError("a picture has values that are not finite")
+    if not np.max(reference) > 0.0:
+        raise ValueError("the reference is black: there is no exposure to compare at")
     shown = [displayed(image, exposure).astype(np.float32) for image in (reference, picture)]
     linear = [np.ascontiguousarray(np.maximum(image, 0.0), np.float32) for image in (reference, picture)]
     flip, _, _ = flip_evaluator.evaluate(*shown, "LDR", applyMagma=False)

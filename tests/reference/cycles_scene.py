@@ -15,7 +15,7 @@ import numpy as np
 from lake_water_addon.core import waves
 from lake_water_addon.core.snapshot import Camera, Mesh, SceneSnapshot, WaterBody
 
-WATER_VERTICES = 800
+WATER_VERTICES = 300
 
 
 def cycles_picture(
