@@ -21,6 +21,7 @@ from gpu.types import GPUTexture
 
 from . import handlers
 from .borders import view_window
+from .core.plan import FramePlan
 from .display import bake_view_transform, view_settings_key
 from .engine import LakeWaterRenderEngine, viewport_statistics
 from .extract import camera_from_view
@@ -43,12 +44,14 @@ class _State:
         self.tables: OrderedDict[tuple, tuple[GPUTexture, tuple[float, float]]] = OrderedDict()
         self.wanted_table: tuple | None = None
         self.textures_of: tuple | None = None
+        self.depth: GPUTexture | None = None  # of the scene, for fog and glow
+        self.star: GPUTexture | None = None
         self.error: str | None = None
 
     def forget_scene(self) -> None:
         """Drop what was taken from the scene; GPU objects are freed with it."""
         self.host = None
-        self.textures_of = None
+        self.textures_of = self.depth = self.star = None
         self.wanted_table = None  # loading a file drops the timer that would bake it
         self.error = None
 
@@ -138,19 +141,30 @@ def _draw(context: bpy.types.Context) -> None:
     )
     if textures_of != _state.textures_of or timer.enabled:  # whoever asks for times wants all of them
         _state.textures_of = None
-        host.renderer.draw_textures(plan, timer)
-        if plan.immersed is not None:
-            host.renderer.draw_scene_depth(plan, timer, (region.width, region.height))
-        _state.textures_of = textures_of
-    # Blender's own depth cannot be read where it is drawn against: under water, the fog has one of its own.
-    depth = None
-    if plan.immersed is not None:
-        depth = host.renderer.scene_depth((region.width, region.height))
+        in_air, _ = host.renderer.draw_textures(plan, timer)
+        depth = _draw_scene_depth(host, plan, timer, (region.width, region.height))
+        if plan.glow.drawn:
+            with timer.measure("glow", None):
+                _state.star = host.renderer.draw_star(plan, depth, in_air.shadow_depth)
+        _state.depth, _state.textures_of = depth, textures_of
     with _inside_border(context):
         if not _leaves_depth(context):
             host.renderer.draw_depth(plan, timer, framebuffer)
-        host.renderer.draw_water(plan, timer, framebuffer, depth, view_transform=table)
+        host.renderer.draw_water(plan, timer, framebuffer, _state.depth, view_transform=table)
+        if plan.glow.drawn:
+            host.renderer.add_glow(plan, _state.star, table)
     host.finish(timer, time.perf_counter() - start)
+
+
+def _draw_scene_depth(
+    host: Host, plan: FramePlan, timer: PassTimer, size: tuple[int, int]
+) -> GPUTexture | None:
+    """Depth for the fog and the glow; None for a picture without. Blender's own cannot be read while one
+    draws against it."""
+    if plan.immersed is None and not plan.glow.drawn:
+        return None
+    host.renderer.draw_scene_depth(plan, timer, size)
+    return host.renderer.scene_depth(size)
 
 
 def _statistics(context: bpy.types.Context) -> list[str]:
