@@ -3,16 +3,22 @@
 
 import math
 import textwrap
+from dataclasses import fields
 
 import bpy
 
 from . import handlers
+from .core import parameters
 from .core.settings import CAUSTICS_METHODS
+from .core.techniques import TECHNIQUES, Technique
+from .extraction.materials import image_problem
+from .map_images import LABELS, image_messages
 from .operators import ENGINE_ID, shown_water
+from .presets import LAKE_WATER_PT_presets
 from .properties import LakeWaterSceneSettings
 from .registration import register_classes, unregister_classes
 from .render.passes.caustics import chosen_method
-from .water_objects import is_water
+from .water_objects import is_water, own_settings
 
 # Blender's own panels ask which engines they serve. These serve EEVEE only and suit this engine too.
 EEVEE_PANELS = frozenset(
@@ -75,6 +81,19 @@ def _aligned(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout.column()
 
 
+def _wrapped(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
+    """A text of several lines, the icon before the first."""
+    lines = layout.column(align=True)
+    for line in textwrap.wrap(text, LINE):
+        lines.label(text=line, icon=icon, translate=False)
+        icon = "NONE" if icon == "NONE" else "BLANK1"
+
+
+def _has_effect(context: bpy.types.Context, name: str) -> bool:
+    """Whether the technique of the scene reads a parameter."""
+    return parameters.has_effect(name, context.scene.lake_water.technique)
+
+
 class VIEW3D_PT_lake_water(_Sidebar, bpy.types.Panel):
     """What there is, and the buttons that make more of it."""
 
@@ -111,6 +130,8 @@ class VIEW3D_PT_lake_water(_Sidebar, bpy.types.Panel):
             row = layout.row(align=True)
             row.operator("lake_water.set_parameters")
             row.operator("lake_water.reset_parameters", text="Reset")
+            LAKE_WATER_PT_presets.draw_menu(layout, text="Presets")
+        _aligned(layout).prop(context.scene.lake_water, "technique")
 
 
 class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
@@ -122,12 +143,88 @@ class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
         settings = shown_water(context).lake_water
         column = _aligned(self.layout)
         # The sidebar is narrow: short labels here, the full names are in the tooltips.
-        column.prop(settings, "k", text="Attenuation k")
-        column.prop(settings, "water_color", text="Color")
+        for name, label in (("k", "Attenuation k"), ("water_color", "Color")):
+            if _has_effect(context, name):
+                column.prop(settings, name, text=label)
         column.separator()
-        column.prop(settings, "q", text="Fresnel q")
-        column.prop(settings, "ior", text="IOR")
-        column.prop(settings, "c", text="Mirror Offset c")
+        for name, label in (("q", "Fresnel q"), ("ior", "IOR"), ("c", "Mirror Offset c")):
+            if _has_effect(context, name):
+                column.prop(settings, name, text=label)
+        if not _has_effect(context, "waves"):  # else it is with them
+            column.separator()
+            column.prop(settings, "surface")
+
+
+class VIEW3D_PT_lake_water_own(_SidebarOfWater, bpy.types.Panel):
+    """What only the chosen technique reads, on the water object that is shown."""
+
+    bl_label = ""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and _technique(context).settings is not None
+
+    def draw_header(self, context: bpy.types.Context) -> None:
+        self.layout.label(text=_technique(context).label)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        key = context.scene.lake_water.technique
+        group = getattr(shown_water(context).lake_water, key.lower())
+        column = _aligned(self.layout)
+        settings = _technique(context).settings
+        for name, kind in settings.maps.items():
+            self._draw_map(column, group, name, kind, f"{key.lower()}_{name}")
+        for field in fields(settings):
+            column.prop(group, field.name)
+            if _technique(context).spectral and field.name == "absorption":
+                column.operator_menu_enum("lake_water.set_absorption", "water")
+
+    @staticmethod
+    def _draw_map(
+        column: bpy.types.UILayout, group: bpy.types.PropertyGroup, name: str, kind: str, parameter: str
+    ) -> None:
+        image = getattr(group, name)
+        row = column.row(align=True)
+        row.template_ID(group, name, open="image.open", text=group.bl_rna.properties[name].name)
+        if kind in LABELS:
+            row.operator("lake_water.new_map", text="", icon="ADD").parameter = parameter
+        for message in _messages.of(image, kind):
+            _wrapped(column, message, "ERROR")
+
+
+def _technique(context: bpy.types.Context) -> Technique:
+    return TECHNIQUES[context.scene.lake_water.technique]
+
+
+class _MapMessages:
+    """What is wrong with images that serve as maps, kept until they change: to find out reads every pixel."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple, tuple[str, ...]] = {}
+        self.listener = handlers.Listener(
+            loaded=self._known.clear, undone=self._known.clear, updated=self._forget_changed
+        )
+
+    def _forget_changed(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+        if depsgraph.id_type_updated("IMAGE"):
+            self._known.clear()
+
+    def of(self, image: bpy.types.Image | None, kind: str) -> tuple[str, ...]:
+        """kind: as in `TechniqueSettings.maps`."""
+        if image is None:
+            return ()
+        state = (image.session_uid, image.name, kind, image.colorspace_settings.name, *image.size)
+        key = (*state, image.source, image.filepath, image.is_dirty)
+        if key not in self._known:
+            if kind in LABELS:
+                self._known[key] = image_messages(image, kind)
+            else:
+                problem = image_problem(image)
+                self._known[key] = (f"Image {problem}",) if problem is not None else ()
+        return self._known[key]
+
+
+_messages = _MapMessages()
 
 
 class LAKE_WATER_UL_waves(bpy.types.UIList):
@@ -147,9 +244,17 @@ class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
 
     bl_label = "Waves"
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and _has_effect(context, "waves")
+
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
-        settings = shown_water(context).lake_water
+        obj = shown_water(context)
+        settings = obj.lake_water
+        if _technique(context).settings is not None:
+            # Dimmed, not locked, where the technique's own settings leave the surface flat.
+            layout.active = own_settings(obj, context.scene.lake_water.technique).displaces
         row = layout.row()
         waves = row.column(align=True)
         header = waves.row(align=True)
@@ -176,13 +281,17 @@ class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
             column.prop(settings, "grid_resolution", text="Resolution")
 
 
-def draw_render_settings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+def draw_render_settings(
+    layout: bpy.types.UILayout, scene: bpy.types.Scene, *, with_technique: bool = True
+) -> None:
     """The settings of the picture: in the sidebar and in the properties editor, both narrow."""
     settings = scene.lake_water
     column = _aligned(layout)
-    column.prop(settings, "technique")
-    column.separator()
-    column.prop(settings, "intersection_steps", text="Steps")
+    if with_technique:
+        column.prop(settings, "technique")
+        column.separator()
+    if parameters.has_effect("intersection_steps", settings.technique):
+        column.prop(settings, "intersection_steps", text="Steps")
     column.prop(settings, "texture_size")
     column.prop(settings, "fov_ext", text="FOV Factor")
     column.separator()
@@ -194,12 +303,12 @@ def draw_render_settings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> 
 
 
 class VIEW3D_PT_lake_water_rendering(_SidebarOfScene, bpy.types.Panel):
-    """How the picture is computed."""
+    """How the picture is computed. The technique is above, since it decides what all panels show."""
 
     bl_label = "Rendering"
 
     def draw(self, context: bpy.types.Context) -> None:
-        draw_render_settings(self.layout, context.scene)
+        draw_render_settings(self.layout, context.scene, with_technique=False)
 
 
 class _Effect:
@@ -256,9 +365,7 @@ class _Caustics(_Effect):
             name.label(text="In Use")
             split.label(text=CAUSTICS_METHODS[chosen.name])
         elif chosen.name != wanted:
-            lines = column.column(align=True)
-            for line in textwrap.wrap(chosen.reason, LINE):
-                lines.label(text=line)
+            _wrapped(column, chosen.reason)
 
 
 class _Shadows(_Effect):
@@ -360,6 +467,7 @@ class RENDER_PT_lake_water_glow(_Glow, _RenderSettings, bpy.types.Panel):
 CLASSES = (
     VIEW3D_PT_lake_water,
     VIEW3D_PT_lake_water_water,
+    VIEW3D_PT_lake_water_own,
     LAKE_WATER_UL_waves,
     VIEW3D_PT_lake_water_waves,
     VIEW3D_PT_lake_water_rendering,
@@ -391,6 +499,7 @@ def standard_panels() -> list[type[bpy.types.Panel]]:
 def register() -> None:
     """Add the panels, and this engine to those that Blender's own panels serve."""
     register_classes(CLASSES)
+    handlers.subscribe(_messages.listener)
     for panel in standard_panels():
         panel.COMPAT_ENGINES.add(ENGINE_ID)
 
@@ -399,4 +508,5 @@ def unregister() -> None:
     """Remove the panels, and this engine from Blender's own."""
     for panel in standard_panels():
         panel.COMPAT_ENGINES.discard(ENGINE_ID)
+    handlers.unsubscribe(_messages.listener)
     unregister_classes(CLASSES)
