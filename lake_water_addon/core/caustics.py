@@ -59,13 +59,10 @@ MIN_SPREAD = 0.25
 """Texels: least half width over which a photon's light is spread."""
 
 MAX_SPREAD = 8.0
-"""Texels: greatest half width, or twice the distance of the photons where that is more."""
+"""Texels: greatest half width, or the distance of the photons where that is more."""
 
 MIN_COVERAGE = 0.45
 """Least part of a texel that is covered by water, for what falls there to be scaled to all of it."""
-
-FINEST_COUNT = 2.0**31
-"""Units of the counters in a value of 1, unless a single photon may be more than that."""
 
 CHUNK = 1 << 17
 """Photons that the processor sums at a time."""
@@ -264,7 +261,7 @@ def tent_spread(spread: np.ndarray, size: int, spacing: float) -> np.ndarray:
 
     spacing: texels from photon to photon under a calm surface, which the limits leave alone.
     """
-    return np.clip(spread * size, min(MIN_SPREAD, spacing), max(MAX_SPREAD, 2.0 * spacing))
+    return np.clip(spread * size, min(MIN_SPREAD, spacing), max(MAX_SPREAD, spacing))
 
 
 def tent_before(z: np.ndarray) -> np.ndarray:
@@ -335,15 +332,6 @@ def shore_margin(spacing: float) -> int:
     That is so for `resolved`: one photon's tent and half a texel, from this texel and those one photon away.
     """
     return int(np.ceil((np.ceil(spacing) + 0.5) / spacing + 1.5))
-
-
-def counter_scale(spacing: float) -> float:
-    """Units of a 32-bit counter in a value of 1: a power of two, so that no single photon overflows it.
-
-    A photon brings at most spacing^2. Their sum may overflow: that is carried over into a second counter,
-    which counts so few that all light of the window in one texel does not fill it.
-    """
-    return float(min(FINEST_COUNT, 2.0 ** np.floor(31.0 - 2.0 * np.log2(spacing))))
 
 
 def sum_photons(photon_map: np.ndarray, spread_map: np.ndarray, size: int) -> np.ndarray:

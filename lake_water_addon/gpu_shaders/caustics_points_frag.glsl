@@ -5,6 +5,8 @@
 void main()
 {
   vec2 texel = floor(gl_FragCoord.xy);
-  out_sum = v_light * tent_part(texel.x, v_center.x, v_half_width.x) *
-            tent_part(texel.y, v_center.y, v_half_width.y);
+  float amount = v_light * tent_part(texel.x, v_center.x, v_half_width.x) *
+                 tent_part(texel.y, v_center.y, v_half_width.y);
+  // What comes before belongs to another part.
+  out_sum = all(greaterThan(texel, v_first - 0.5)) ? amount : 0.0;
 }

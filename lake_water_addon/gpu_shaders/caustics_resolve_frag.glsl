@@ -17,8 +17,8 @@
 float sum_at(ivec2 texel)
 {
 #ifdef COUNTERS
-  float carried = float(texelFetch(counters, texel + ivec2(0, textureSize(counters, 0).x), 0).r);
-  return (float(texelFetch(counters, texel, 0).r) + 4294967296.0 * carried) / counter_scale;
+  float upper = float(texelFetch(counters, texel + ivec2(0, textureSize(counters, 0).x), 0).r);
+  return (float(texelFetch(counters, texel, 0).r) + COUNTER * upper) / COUNTS;
 #else
   return texelFetch(sums, texel, 0).r;
 #endif

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Adds the photons with integer atomics, whose order does not matter: bit-identical in every run.
-// `counters` are two squares, one above the other: light, and what its 32 bits carried over.
+// `counters` are two squares, one above the other: the lower and the upper 32 bits of the light.
 
 #include "caustics_lib.glsl"
 
@@ -22,7 +22,7 @@ void main()
   ivec2 first = max(ivec2(floor(center - half_width)), ivec2(0));
   ivec2 last = min(ivec2(floor(center + half_width)), ivec2(size - 1));
   vec2 scale = 1.0 / half_width;
-  float amount = counter_scale * spacing * spacing * found.z;
+  float amount = COUNTS * spacing * spacing * found.z;
   float before_row = tent_before((float(first.y) - center.y) * scale.y);
   for (int y = first.y; y <= last.y; y++) {
     float after_row = tent_before((float(y + 1) - center.y) * scale.y);
@@ -31,11 +31,14 @@ void main()
     float before = tent_before((float(first.x) - center.x) * scale.x);
     for (int x = first.x; x <= last.x; x++) {
       float after = tent_before((float(x + 1) - center.x) * scale.x);
-      uint units = uint(row * (after - before) + 0.5);
+      float counts = floor(row * (after - before) + 0.5);
       before = after;
-      uint old = imageAtomicAdd(counters, ivec2(x, y), units);
-      if (old > 0xFFFFFFFFu - units) {
-        imageAtomicAdd(counters, ivec2(x, y + size), 1u);
+      float upper = floor(counts / COUNTER);
+      uint lower = uint(counts - upper * COUNTER);
+      uint old = imageAtomicAdd(counters, ivec2(x, y), lower);
+      uint carried = uint(upper) + (old > 0xFFFFFFFFu - lower ? 1u : 0u);
+      if (carried > 0u) {
+        imageAtomicAdd(counters, ivec2(x, y + size), carried);
       }
     }
   }

@@ -22,7 +22,7 @@ METHODS = ("CPU", "GPU_POINTS", "GPU_COMPUTE")
 HALF = 2.0**-10
 """Relative step of half floats, which the caustics are kept in: llvmpipe cuts off what is beyond."""
 
-RESOLUTIONS = ((96, 64), (100, 256), (256, 100), (256, 256), (64, 250), (250, 30))
+RESOLUTIONS = ((96, 64), (100, 256), (256, 100), (256, 256), (16, 700), (250, 30))
 STEEP = (SineWave(0.3, 1.2, 0.3), SineWave(0.2, 0.7, 2.0))  # ak = 1.6 and 1.8
 
 pytestmark = pytest.mark.usefixtures("gpu")
@@ -107,8 +107,8 @@ class SunlitWater:
         raw = read_texture(self._painter.light_sums(photons, texels, method)).astype(np.float64)[..., 0]
         if method != "GPU_COMPUTE":
             return raw
-        light, carried = raw.reshape(2, texels, texels)
-        return (light + 2.0**32 * carried) / caustics.counter_scale(texels / self.plan.settings.photon_size)
+        lower, upper = raw.reshape(2, texels, texels)
+        return (lower + 2.0**32 * upper) / 2.0**31
 
     def values(self, photons, method):
         """(texels, texels) the caustics."""
@@ -199,14 +199,14 @@ def test_all_light_is_on_the_bottom_or_dropped(sunlit, sun, of):
         assert on_the_bottom + dropped == pytest.approx(incoming, rel=3e-5), method
 
 
-@pytest.mark.parametrize(("photons", "texels"), [(128, 128), (64, 200), (200, 64)])
+@pytest.mark.parametrize(("photons", "texels"), [(128, 128), (64, 200), (200, 64), (16, 700)])
 def test_three_ways_give_one_result(sunlit, photons, texels):
     """Sums to 2e-5, relative and absolute (rounding of places and of sums); textures to a half's step."""
     water = sunlit(ground=uneven, photons=photons, texels=texels)
     target, *_ = water.photons()
     sums = {method: water.sums(target, method) for method in METHODS}
     values = {method: water.values(target, method) for method in METHODS}
-    assert np.std(sums["CPU"]) > 0.1 and np.mean(values["CPU"] == 0.0) > 0.03
+    assert np.std(sums["CPU"]) > 0.1 and np.any(values["CPU"] == 0.0)
     for method in METHODS[1:]:
         np.testing.assert_allclose(sums[method], sums["CPU"], rtol=2e-5, atol=2e-5, err_msg=method)
         np.testing.assert_allclose(values[method], values["CPU"], rtol=1.1 * HALF, atol=5e-5, err_msg=method)
@@ -411,18 +411,17 @@ def made_maps(found, spread):
     yield Target(found.shape[1::-1], None, colors, None)
 
 
-def test_all_photons_on_one_texel_overflow_no_counter(sunlit):
-    """The focus of a lens: 40,000 photons, as much light as 4000 times what fits into one counter."""
-    photons, texels = 200, 1000
+@pytest.mark.parametrize(("photons", "texels"), [(200, 1000), (16, 2000), (200, 10)])
+def test_all_photons_on_one_texel_overflow_no_counter(sunlit, photons, texels):
+    """As if waves were a lens: all light of the window, up to 2 million times what 32 bits hold."""
     water = sunlit(photons=photons, texels=texels)
-    found = np.zeros((photons, photons, 4), np.float32)
-    found[...] = 0.5005, 0.5005, 1.0, 1.0
+    middle = (texels // 2 + 0.5) / texels
+    found = np.broadcast_to(np.float32([middle, middle, 1.0, 1.0]), (photons, photons, 4))
     spread = np.full((photons, photons, 2), 1e-9, np.float32)
     with made_maps(found, spread) as target:
         sums = water.sums(target, "GPU_COMPUTE")
-    assert sums[500, 500] == pytest.approx(texels**2, rel=1e-6)
+    assert sums[texels // 2, texels // 2] == pytest.approx(texels**2, rel=1e-6)
     assert sums.sum() == pytest.approx(texels**2, rel=1e-6)
-    assert sums[500, 500] * caustics.counter_scale(texels / photons) > 1000 * 2.0**32
 
 
 @pytest.mark.parametrize("method", METHODS)

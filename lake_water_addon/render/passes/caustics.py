@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -30,6 +31,9 @@ GROUP = 8
 TILE = 16
 """Photons a side of a tile in which there is a shore or not."""
 
+LARGEST_POINT = 60
+"""Pixels a side of a point: every graphics device draws one of 63."""
+
 MAPS = (("FLOAT_2D", "photon_map"), ("FLOAT_2D", "spread_map"))
 
 SUM = ShaderSpec(
@@ -38,7 +42,6 @@ SUM = ShaderSpec(
     group=(GROUP, GROUP),
     samplers=MAPS,
     images=(("R32UI", "UINT_2D", "counters"),),
-    push_constants=(("FLOAT", "counter_scale"),),
 )
 
 SHORE = ShaderSpec(
@@ -57,10 +60,10 @@ POINTS = ShaderSpec(
     vertex="caustics_points_vert.glsl",
     fragment="caustics_points_frag.glsl",
     vertex_in=(("FLOAT", "column"),),
-    varyings=(("VEC2", "v_center"), ("VEC2", "v_half_width"), ("FLOAT", "v_light")),
+    varyings=(("VEC2", "v_center"), ("VEC2", "v_half_width"), ("VEC2", "v_first"), ("FLOAT", "v_light")),
     outputs=(("FLOAT", "out_sum"),),
     samplers=MAPS,
-    push_constants=(("FLOAT", "size"),),
+    push_constants=(("FLOAT", "size"), ("INT", "parts")),
 )
 
 
@@ -87,10 +90,11 @@ def photon_spec(*, grid: bool, shadows: bool) -> tuple[ShaderSpec, dict[str, str
 
 def resolve_spec(*, counters: bool) -> tuple[ShaderSpec, dict[str, str]]:
     """The variant's interface and defines."""
+    defines = {"TILE": str(TILE)}
+    sums = ("FLOAT_2D", "sums")
     if counters:
-        sums, constants, defines = ("UINT_2D", "counters"), (("FLOAT", "counter_scale"),), {"COUNTERS": ""}
-    else:
-        sums, constants, defines = ("FLOAT_2D", "sums"), (), {}
+        defines["COUNTERS"] = ""
+        sums = ("UINT_2D", "counters")
     spec = ShaderSpec(
         name="caustics_resolve",
         vertex="background_vert.glsl",
@@ -99,9 +103,8 @@ def resolve_spec(*, counters: bool) -> tuple[ShaderSpec, dict[str, str]]:
         varyings=(("VEC2", "v_ndc"),),
         outputs=(("FLOAT", "out_value"),),
         samplers=(sums, MAPS[1], ("FLOAT_2D", "shore")),
-        push_constants=constants,
     )
-    return spec, {"TILE": str(TILE), **defines}
+    return spec, defines
 
 
 @dataclass(frozen=True)
@@ -217,8 +220,6 @@ class CausticsPainter:
             shader.uniform_sampler(spec.samplers[0][1], sums)
             shader.uniform_sampler("spread_map", photons.colors[1])
             shader.uniform_sampler("shore", shore)
-            if method == "GPU_COMPUTE":
-                shader.uniform_float("counter_scale", caustics.counter_scale(texels / photons.size[0]))
             self._resources.covering_triangle().draw(shader)
 
     def _draw_shore(self, photons: Target, texels: int) -> GPUTexture:
@@ -252,7 +253,6 @@ class CausticsPainter:
         shader.uniform_sampler("photon_map", photons.colors[0])
         shader.uniform_sampler("spread_map", photons.colors[1])
         shader.image("counters", counters.colors[0])
-        shader.uniform_float("counter_scale", caustics.counter_scale(texels / photons.size[0]))
         groups = -(-photons.size[0] // GROUP)
         gpu.compute.dispatch(shader, groups, groups, 1)
         return counters.colors[0]
@@ -264,7 +264,9 @@ class CausticsPainter:
             columns = np.arange(count, dtype=np.float32)[:, None]
             self._columns = count, self._resources.points(self._resources.vertex_buffer({"column": columns}))
         sums = self._targets.get(("caustics sums",), (texels, texels), ("R32F",), depth=False)
-        shader = self._library.get(POINTS)
+        widest = 2.0 * max(caustics.MAX_SPREAD, texels / count) + 2.0
+        parts = math.ceil(widest / LARGEST_POINT)
+        shader = self._library.get(POINTS, {"LARGEST_POINT": f"{LARGEST_POINT}.0"})
         with sums.framebuffer.bind(), _whole_target():
             sums.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0))
             gpu.state.blend_set("ADDITIVE_PREMULT")
@@ -274,7 +276,8 @@ class CausticsPainter:
                 shader.uniform_sampler("photon_map", photons.colors[0])
                 shader.uniform_sampler("spread_map", photons.colors[1])
                 shader.uniform_float("size", texels)
-                self._columns[1].draw_instanced(shader, instance_count=count)
+                shader.uniform_int("parts", parts)
+                self._columns[1].draw_instanced(shader, instance_count=count * parts * parts)
             finally:
                 gpu.state.program_point_size_set(False)
         return sums.colors[0]
