@@ -174,8 +174,11 @@ class VIEW3D_PT_lake_water_own(_SidebarOfWater, bpy.types.Panel):
         settings = _technique(context).settings
         for name, kind in settings.maps.items():
             self._draw_map(column, group, name, kind, f"{key.lower()}_{name}")
-        for field in fields(settings):
-            column.prop(group, field.name)
+        for number, field in enumerate(fields(settings)):
+            panel = field.metadata["panel"]
+            if panel["section"] or (number == 0 and settings.maps):
+                column.separator()
+            column.prop(group, field.name, text=panel["label"])
             if _technique(context).spectral and field.name == "absorption":
                 column.operator_menu_enum("lake_water.set_absorption", "water")
 

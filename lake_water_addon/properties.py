@@ -23,7 +23,7 @@ from bpy.props import (
 
 from .core import parameters
 from .core.settings import CAUSTICS_METHODS, DEFAULTS
-from .core.technique_settings import TechniqueSettings
+from .core.technique_settings import TechniqueSettings, map_label
 from .core.techniques import TECHNIQUES
 from .registration import register_classes, unregister_classes
 
@@ -175,6 +175,7 @@ MAP_TEXTS = {
 def _property_of(field: dataclasses.Field) -> object:
     """The property in Blender of one of a technique's own settings (`technique_settings.setting`)."""
     options = {"default": field.default, **field.metadata, **OBJECT}
+    del options["panel"]
     if isinstance(field.default, tuple):
         return FloatVectorProperty(**{"size": len(field.default), **options})
     for kind, make in ((bool, BoolProperty), (int, IntProperty), (float, FloatProperty)):
@@ -189,7 +190,7 @@ def _group_of(key: str, settings: type[TechniqueSettings]) -> type[bpy.types.Pro
     for sampler, kind in settings.maps.items():
         properties[sampler] = PointerProperty(
             type=bpy.types.Image,
-            name=sampler.replace("_", " ").title(),
+            name=map_label(sampler),
             description=MAP_TEXTS[kind],
             **OBJECT,
         )

@@ -13,6 +13,7 @@ from typing import Any
 
 from .settings import FrameSettings
 from .snapshot import WaterSettings
+from .technique_settings import map_label
 from .techniques import TECHNIQUES
 
 SCENE = tuple(field.name for field in fields(FrameSettings))
@@ -49,8 +50,7 @@ def _own() -> Iterator[tuple[str, OwnParameter]]:
             texts = field.metadata["name"], field.metadata["description"]
             yield f"{key.lower()}_{field.name}", OwnParameter(key, field.name, field.default, *texts)
         for name in technique.settings.maps:
-            label = name.replace("_", " ").title()
-            texts = label, "an image in place of the one that the extension makes"
+            texts = map_label(name), "image in place of the extension's own"
             yield f"{key.lower()}_{name}", OwnParameter(key, name, None, *texts)
 
 

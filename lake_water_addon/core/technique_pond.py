@@ -111,6 +111,7 @@ class PondSettings(TechniqueSettings):
         soft_min=0.0,
         soft_max=0.2,
         precision=3,
+        section=True,
     )
     bias: float = setting(
         0.2,
@@ -120,6 +121,7 @@ class PondSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        section=True,
     )
     bias_map_strength: float = setting(
         0.0,
@@ -129,6 +131,7 @@ class PondSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        label="Map Bias",
     )
     bias_depth_strength: float = setting(
         0.0,
@@ -138,6 +141,7 @@ class PondSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        section=True,
     )
     bias_depth_range: tuple[float, float] = setting(
         (0.0, 2.0),
@@ -147,6 +151,7 @@ class PondSettings(TechniqueSettings):
         max=100000.0,
         soft_max=200.0,
         unit="LENGTH",
+        label="Range",
     )
     bias_distance_strength: float = setting(
         0.0,
@@ -156,6 +161,7 @@ class PondSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        section=True,
     )
     bias_distance_range: tuple[float, float] = setting(
         (5.0, 60.0),
@@ -165,6 +171,7 @@ class PondSettings(TechniqueSettings):
         max=100000.0,
         soft_max=200.0,
         unit="LENGTH",
+        label="Range",
     )
     power: float = setting(
         0.7,
@@ -173,6 +180,7 @@ class PondSettings(TechniqueSettings):
         min=0.0,
         max=100.0,
         soft_max=5.0,
+        section=True,
     )
     ambient: tuple[float, float, float] = setting(
         (0.5, 0.5, 0.5),
@@ -182,6 +190,7 @@ class PondSettings(TechniqueSettings):
         max=1000.0,
         size=3,
         **COLOR,
+        section=True,
     )
     diffuse: tuple[float, float, float] = setting(
         (0.6, 0.6, 0.6),
@@ -216,6 +225,7 @@ class PondSettings(TechniqueSettings):
         "Part of what is seen through the water that the water color covers",
         min=0.0,
         max=1.0,
+        section=True,
     )
     impurity_map_strength: float = setting(
         0.0,
@@ -223,6 +233,7 @@ class PondSettings(TechniqueSettings):
         "Opacity of the image that floats on the water, such as pollen or leaves",
         min=0.0,
         max=1.0,
+        label="Map Opacity",
     )
     impurity_tile_size: float = setting(
         6.0,
@@ -232,9 +243,13 @@ class PondSettings(TechniqueSettings):
         max=10000.0,
         soft_max=20.0,
         **LENGTH,
+        label="Map Tile Size",
     )
     geometric_waves: bool = setting(
-        False, "Geometric Waves", "Raise the surface by the waves, too, beside the ripples of the normal maps"
+        False,
+        "Geometric Waves",
+        "Raise the surface by the waves, too, beside the ripples of the normal maps",
+        section=True,
     )
 
     maps: ClassVar = {

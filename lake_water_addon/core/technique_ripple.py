@@ -81,6 +81,8 @@ class RippleSettings(TechniqueSettings):
         soft_min=0.0,
         soft_max=0.2,
         precision=3,
+        label="Mirror Shift",
+        section=True,
     )
     refraction_distortion: float = setting(
         0.02,
@@ -91,6 +93,7 @@ class RippleSettings(TechniqueSettings):
         soft_min=0.0,
         soft_max=0.2,
         precision=3,
+        label="Bottom Shift",
     )
     normal_strength: float = setting(
         0.5,
@@ -100,6 +103,7 @@ class RippleSettings(TechniqueSettings):
         max=10.0,
         soft_min=0.0,
         soft_max=2.0,
+        label="Slope",
     )
     distance_strength: float = setting(
         0.1,
@@ -109,6 +113,7 @@ class RippleSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        section=True,
     )
     distance_range: tuple[float, float] = setting(
         (5.0, 60.0),
@@ -118,6 +123,7 @@ class RippleSettings(TechniqueSettings):
         max=100000.0,
         soft_max=200.0,
         unit="LENGTH",
+        label="Range",
     )
     angle_strength: float = setting(
         0.6,
@@ -127,6 +133,7 @@ class RippleSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        section=True,
     )
     angle_range: tuple[float, float] = setting(
         (radians(50.0), radians(88.0)),
@@ -135,6 +142,7 @@ class RippleSettings(TechniqueSettings):
         min=0.0,
         max=1.5707963267948966,
         unit="ROTATION",
+        label="Range",
     )
     depth_strength: float = setting(
         0.1,
@@ -144,6 +152,7 @@ class RippleSettings(TechniqueSettings):
         max=10.0,
         soft_min=-1.0,
         soft_max=1.0,
+        section=True,
     )
     depth_range: tuple[float, float] = setting(
         (0.0, 3.0),
@@ -153,9 +162,16 @@ class RippleSettings(TechniqueSettings):
         max=100000.0,
         soft_max=200.0,
         unit="LENGTH",
+        label="Range",
     )
     depth_darkening: float = setting(
-        0.4, "Depth Darkening", "Part by which depth darkens what is seen through the water", min=0.0, max=1.0
+        0.4,
+        "Depth Darkening",
+        "Part by which depth darkens what is seen through the water",
+        min=0.0,
+        max=1.0,
+        label="Dark by Depth",
+        section=True,
     )
     depth_darkening_range: tuple[float, float] = setting(
         (0.0, 4.0),
@@ -165,9 +181,16 @@ class RippleSettings(TechniqueSettings):
         max=100000.0,
         soft_max=200.0,
         unit="LENGTH",
+        label="Range",
     )
     path_darkening: float = setting(
-        0.4, "Path Darkening", "Part by which the water in front of it darkens what is seen", min=0.0, max=1.0
+        0.4,
+        "Path Darkening",
+        "Part by which the water in front of it darkens what is seen",
+        min=0.0,
+        max=1.0,
+        label="Dark by Path",
+        section=True,
     )
     path_darkening_range: tuple[float, float] = setting(
         (0.0, 15.0),
@@ -177,6 +200,7 @@ class RippleSettings(TechniqueSettings):
         max=100000.0,
         soft_max=200.0,
         unit="LENGTH",
+        label="Range",
     )
 
     maps: ClassVar = {"dudv_map": "DUDV"}

@@ -19,10 +19,23 @@ MAX_VALUES = 24
 """Length of the array in `gpu_shaders/uniforms_lib.glsl`."""
 
 
-def setting(default: Any, name: str, description: str, **limits: Any) -> Any:
+def setting(
+    default: Any, name: str, description: str, *, label: str = "", section: bool = False, **limits: Any
+) -> Any:
     """A field with what the interface shows: name, tooltip, and as `limits` further arguments of its property
-    in Blender (min, max, soft_min, soft_max, subtype, unit, step, precision)."""
-    return field(default=default, metadata={"name": name, "description": description, **limits})
+    in Blender (min, max, soft_min, soft_max, subtype, unit, step, precision).
+
+    label: the name where it stands in the panel, at most 14 letters; empty if that is the name itself.
+    section: whether the panel leaves a gap before it.
+    """
+    metadata = {"name": name, "description": description, **limits}
+    return field(default=default, metadata=metadata | {"panel": {"label": label or name, "section": section}})
+
+
+def map_label(sampler: str) -> str:
+    """What a person reads for one of `TechniqueSettings.maps`: people count from 1, samplers from 0."""
+    words = [str(int(word) + 1) if word.isdigit() else word for word in sampler.split("_")]
+    return " ".join(words).title()
 
 
 LENGTH = {"subtype": "DISTANCE", "unit": "LENGTH"}
