@@ -283,16 +283,16 @@ def test_caustics_do_not_show_the_grid(sunlit):
 
 
 def test_few_photons_are_as_good_as_many(sunlit):
-    """Against 16 times as many, in a texture of 256: no dots (median), and lines as bright (the top 1 %)."""
-    many = sunlit(photons=1024, texels=256)
+    """Against 16 times as many, in a texture of 256: no dots (median), and lines as bright (its top 1 %)."""
+    many = sunlit(photons=1024, texels=256)  # 16 times 256
     reference = many.values(many.photons()[0], "GPU_COMPUTE").astype(float)
-    for photons, median, brightest in ((256, 0.03, 0.15), (512, 0.01, 0.05)):
+    for photons, median, brightest in ((128, 0.02, 0.15), (256, 0.004, 0.05), (512, 0.0015, 0.015)):
         water = sunlit(photons=photons, texels=256)
         value = water.values(water.photons()[0], "GPU_COMPUTE").astype(float)
         assert np.median(np.abs(value - reference)) < median * reference.mean()
         lines = [np.quantile(image, 0.99) for image in (value, reference)]
         assert abs(lines[0] / lines[1] - 1.0) < brightest
-        assert value.mean() == pytest.approx(reference.mean(), rel=0.01)
+        assert value.mean() == pytest.approx(reference.mean(), rel=1e-3)
 
 
 def test_a_sine_wave_focuses_at_its_focal_depth(sunlit):
@@ -423,7 +423,7 @@ def made_maps(found, spread):
 
 @pytest.mark.parametrize(("photons", "texels"), [(64, 64), (64, 150), (96, 40)])
 def test_shores_between_tiles_are_found(sunlit, photons, texels):
-    """Along the border of a tile of photons, and around single ones at its corner, in reach of its neighbours."""
+    """Along the border of a tile of photons, and around single ones, in reach of its neighbours."""
     water = sunlit(photons=photons, texels=texels)
     found = np.random.default_rng(1).uniform(0.2, 1.0, (photons, photons, 4)).astype(np.float32)
     found[..., :2] = lattice(photons).reshape(photons, photons, 2)
