@@ -106,10 +106,19 @@ class Host:
         is_visible, key = view_visibility(space)
         return self.snapshot(depsgraph, is_visible=is_visible, visibility_key=key)
 
-    def plan(self, snapshot: SceneSnapshot, camera: Camera, scene: bpy.types.Scene, **options) -> FramePlan:
-        """Plan with the scene's settings, timed. options: those of `plan_frame`."""
+    def plan(
+        self,
+        snapshot: SceneSnapshot,
+        camera: Camera,
+        scene: bpy.types.Scene,
+        *,
+        settings: FrameSettings | None = None,
+        **options,
+    ) -> FramePlan:
+        """Plan, timed. settings: in place of the scene's; options: those of `plan_frame`."""
         start = time.perf_counter()
-        plan = plan_frame(snapshot, camera, frame_settings(scene), extents=self._extents, **options)
+        settings = settings or frame_settings(scene)
+        plan = plan_frame(snapshot, camera, settings, extents=self._extents, **options)
         self._extents = plan.extents
         self.report.planning_s += time.perf_counter() - start
         self.report.water_drawn = tuple(
