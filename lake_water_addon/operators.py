@@ -369,12 +369,11 @@ class LAKE_WATER_OT_new_map(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         own = parameters.OWN.get(self.parameter)
-        kind = TECHNIQUES[own.technique].settings.maps.get(own.field) if own is not None else None
-        if kind not in map_images.LABELS:
+        if own is None or own.kind not in map_images.LABELS:
             self.report({"ERROR"}, f'"{self.parameter}" is no normal map or dudv map')
             return {"CANCELLED"}
         group, name = place_of(self.parameter, context.scene, shown_water(context))
-        setattr(group, name, map_images.wave_map(kind, self.seed, self.size))
+        setattr(group, name, map_images.wave_map(own.kind, self.seed, self.size))
         return {"FINISHED"}
 
 

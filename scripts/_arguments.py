@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Callable
+
+COUNTS = {2: "two", 3: "three", 4: "four"}
 
 
 def number(text: str) -> float:
@@ -39,10 +42,17 @@ def size(text: str) -> tuple[int, int]:
     return first, second
 
 
-def color(text: str) -> tuple[float, float, float]:
-    """Three numbers with commas between them."""
-    try:
-        r, g, b = (number(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r}: give three numbers like 0,0.2,0.1") from None
-    return r, g, b
+def numbers(length: int) -> Callable[[str], tuple[float, ...]]:
+    """So many numbers with commas between them."""
+
+    def parse(text: str) -> tuple[float, ...]:
+        try:
+            values = tuple(number(part) for part in text.split(","))
+        except ValueError:
+            values = ()
+        if len(values) != length:
+            example = ",".join(("0", "0.2", "0.1", "1")[:length])
+            raise argparse.ArgumentTypeError(f"{text!r}: give {COUNTS[length]} numbers like {example}")
+        return values
+
+    return parse

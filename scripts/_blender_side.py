@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import importlib
 import math
 import os
@@ -39,7 +40,7 @@ SCENE_SETTINGS = (
     *("technique", "samples", "fov_ext", "texture_size", "intersection_steps", "use_exact_under_water"),
     *SUN_SETTINGS,
 )
-WATER_SETTINGS = ("k", "q", "c", "water_color")
+WATER_SETTINGS = ("k", "q", "c", "ior", "water_color", "depth")
 # Which switches have to be on (one of them is enough) for a setting to change the picture.
 NEEDS = {
     **dict.fromkeys(("caustics_method", "caustics_size", "photon_size", "caustics_steps"), ("use_caustics",)),
@@ -129,10 +130,12 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
         raise RenderProblem(f"the render engine {ENGINE} is not registered: is Lake Water enabled?") from None
     water = part_of(package, "water_objects").waters_of(scene)
     frames = _frame_numbers(scene, options, lake is not None)
-    _apply_settings(scene, water, options)
+    if options.preset is not None:
+        _apply_preset(package, scene, water, options)
+    _apply_settings(package, scene, water, options, notes)
     _require_gpu_size(package, scene)
     has_sun = part_of(package, "handlers").has_sun(scene, scene.view_layers[0])
-    notes += _without_effect(scene, options, has_sun)
+    notes += _without_effect(package, scene, options, has_sun)
     if options.water_level is not None:
         _set_water_level(scene, water, options.water_level)
     if options.obj is not None:
@@ -223,27 +226,72 @@ def _require_range(prop: bpy.types.Property, value: Any, option: str) -> None:
             )
 
 
-def _apply_settings(scene: bpy.types.Scene, water: Sequence[bpy.types.Object], options: Namespace) -> None:
-    """Options of the same name as properties, into the scene's and every water object's settings."""
-    groups = [(scene.lake_water, SCENE_SETTINGS)] + [(obj.lake_water, WATER_SETTINGS) for obj in water]
+def _apply_preset(
+    package: ModuleType, scene: bpy.types.Scene, water: Sequence[bpy.types.Object], options: Namespace
+) -> None:
+    """The preset that is asked for, on every water object; its name into the options as it is spelled."""
+    presets = part_of(package, "presets")
     if not water:
-        given = [name for name in (*WATER_SETTINGS, "water_level") if getattr(options, name) is not None]
+        raise UsageProblem("--preset: the scene has no water to set it on")
+    try:
+        path = presets.find(options.preset)
+        options.preset = path.stem.replace("_", " ")
+        presets.apply(path, bpy.context, water)
+    except presets.PresetError as error:
+        raise UsageProblem(f"--preset: {error}") from None
+
+
+def _image(package: ModuleType, path: Path, option: str, kind: str, notes: list[str]) -> bpy.types.Image:
+    """The image of a file, for a map of a kind as in `TechniqueSettings.maps`; what is odd goes to notes."""
+    try:
+        image = bpy.data.images.load(str(path), check_existing=True)
+    except RuntimeError as error:
+        reason = str(error).strip().removeprefix("Error: ")
+        raise UsageProblem(f"{option}: {path} cannot be opened ({reason}): give an image") from None
+    problem = part_of(package, "extraction.materials").image_problem(image)
+    if problem is not None:
+        raise UsageProblem(f"{option}: image {problem}: give another")
+    map_images = part_of(package, "map_images")
+    if kind in map_images.LABELS:
+        image.colorspace_settings.name = "Non-Color"
+        notes += [f"{option}: {m}" for m in map_images.image_messages(image, kind) if m not in notes]
+    return image
+
+
+def _apply_settings(
+    package: ModuleType,
+    scene: bpy.types.Scene,
+    water: Sequence[bpy.types.Object],
+    options: Namespace,
+    notes: list[str],
+) -> None:
+    """Options of the same name as parameters, into the scene's and every water object's settings."""
+    place_of = part_of(package, "properties").place_of
+    own = part_of(package, "core.parameters").OWN
+    of_water = (*WATER_SETTINGS, *own)
+    if not water:
+        given = [name for name in (*of_water, "water_level") if getattr(options, name) is not None]
         if given:
             raise UsageProblem(f"{_option(given[0])}: the scene has no water to set it on")
-    for group, names in groups:
-        for name in names:
-            value = getattr(options, name)
-            if value is None:
-                continue
-            option = _option(name)
-            _require_range(group.bl_rna.properties[name], value, option)
-            try:
-                setattr(group, name, value)
-            except AttributeError:
-                raise UsageProblem(
-                    f"{option}: {group.id_data.name} is linked from another file and cannot be changed: "
-                    "make it local or a library override there"
-                ) from None
+    places = [(name, scene.lake_water, name) for name in SCENE_SETTINGS]
+    places += [(name, *place_of(name, scene, obj)) for obj in water for name in of_water]
+    for parameter, group, name in places:
+        value = getattr(options, parameter)
+        if value is None:
+            continue
+        option = _option(parameter)
+        prop = group.bl_rna.properties[name]
+        if prop.type == "POINTER":
+            value = _image(package, value, option, own[parameter].kind, notes)
+        else:
+            _require_range(prop, value, option)
+        try:
+            setattr(group, name, value)
+        except AttributeError:
+            raise UsageProblem(
+                f"{option}: {group.id_data.name} is linked from another file and cannot be changed: "
+                "make it local or a library override there"
+            ) from None
 
 
 def _require_gpu_size(package: ModuleType, scene: bpy.types.Scene) -> None:
@@ -259,13 +307,21 @@ def _require_gpu_size(package: ModuleType, scene: bpy.types.Scene) -> None:
             raise UsageProblem(f"{_option(name)} {size}: this GPU takes at most {limit // times}")
 
 
-def _without_effect(scene: bpy.types.Scene, options: Namespace, has_sun: bool) -> list[str]:
+def _without_effect(
+    package: ModuleType, scene: bpy.types.Scene, options: Namespace, has_sun: bool
+) -> list[str]:
     """Notes about options that change nothing in the picture, by what the scene is set to."""
     settings = scene.lake_water
+    parameters = part_of(package, "core.parameters")
+    label = part_of(package, "core.techniques").TECHNIQUES[settings.technique].label
+    notes = [
+        f"{_option(name)} has no effect with the technique {label}"
+        for name in (*parameters.WATER, *parameters.OWN, *parameters.SCENE)
+        if getattr(options, name) is not None and not parameters.has_effect(name, settings.technique)
+    ]
     given = [name for name in SUN_SETTINGS if getattr(options, name) not in (None, False)]
     if given and not has_sun:
-        return [f"{_option(given[0])} has no effect: the scene has no sun light"]
-    notes = []
+        return [*notes, f"{_option(given[0])} has no effect: the scene has no sun light"]
     for name in given:
         needed = NEEDS.get(name, ())
         if needed and not any(getattr(settings, switch) for switch in needed):
@@ -450,11 +506,17 @@ def resolved_settings(job: Job, options: Namespace) -> dict[str, Any]:
             settings["view"] = options.view or VIEWS[0]
     if settings["camera"] == "turntable":
         settings["frames"] = len(job.frames)  # the camera's speed follows from it
+    settings["preset"] = options.preset
     for name in SCENE_SETTINGS:
         settings[name] = _plain(getattr(scene.lake_water, name))
+    place_of = part_of(job.package, "properties").place_of
+    own = part_of(job.package, "core.parameters").OWN
+    read = [name for name in own if own[name].technique == scene.lake_water.technique]
     for obj in job.water:
-        for name in WATER_SETTINGS:
-            settings[f"{obj.name} {name}"] = _plain(getattr(obj.lake_water, name))
+        for name in (*WATER_SETTINGS, *read):
+            settings[f"{obj.name} {name}"] = _plain(getattr(*place_of(name, scene, obj)))
+        waves = part_of(job.package, "water_objects").settings_of(obj).waves
+        settings[f"{obj.name} waves"] = [_plain(dataclasses.astuple(wave)) for wave in waves]
         settings[f"{obj.name} level"] = _plain(obj.matrix_world.translation.z)
     if options.obj is not None:
         settings["obj"] = f"{options.obj} of {_stamp(options.obj)}"
@@ -469,7 +531,9 @@ def _stamp(path: Path) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A property's value for JSON; float32 without the digits that it does not have."""
+    """A property's value for JSON; float32 without the digits that it does not have; an image's file."""
+    if value is None or isinstance(value, bpy.types.Image):
+        return value and f"{value.name}, {value.filepath or 'made by Blender'}"
     if isinstance(value, float):
         return float(f"{value:.6g}")
     return value if isinstance(value, (int, str, bool)) else [_plain(item) for item in value]

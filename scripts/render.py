@@ -23,7 +23,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -37,7 +37,7 @@ for _folder in (str(CHECKOUT), str(SCRIPTS)):
     if _folder not in sys.path:
         sys.path.insert(0, _folder)
 
-from _arguments import color, count, identifier, number, size  # noqa: E402 - after the path
+from _arguments import count, identifier, number, numbers, size  # noqa: E402 - after the path
 from _console import STOPPED, Console, Interrupted, Interrupts, Progress, duration  # noqa: E402
 from _frame_files import (  # noqa: E402
     Output,
@@ -85,8 +85,50 @@ def readable_file(text: str) -> Path:
     return path
 
 
-def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParser:
-    """The command line. choices: as `known_choices` gives them."""
+@dataclass(frozen=True)
+class Known:
+    """What the extension that is going to be used knows.
+
+    choices: by property. own: the parameters that only one technique has (`core.parameters.OWN`), techniques:
+    their labels, by key. presets: names of those that it brings.
+    """
+
+    choices: Mapping[str, Sequence[str]]
+    own: Mapping[str, Any]
+    techniques: Mapping[str, str]
+    presets: Sequence[str]
+
+
+def own_option(parser: argparse._ActionsContainer, name: str, own: Any) -> None:
+    """Add the option of a parameter that only one technique has. own: its `core.parameters.OwnParameter`."""
+    flag = f"--{name.replace('_', '-')}"
+    text = own.description.split(". ")[0].replace("%", "%%")
+    text = text[0].lower() + text[1:]
+    if own.is_image:
+        parser.add_argument(flag, metavar="FILE", help=text)
+        return
+    unit = {"LENGTH": " m", "ROTATION": " radians"}.get(own.unit, "")
+    text += f" (default: {_as_text(own.default)}{unit})"
+    if isinstance(own.default, bool):
+        parser.add_argument(flag, action=argparse.BooleanOptionalAction, help=text)
+    elif isinstance(own.default, tuple):
+        names = ",".join("XYZW"[: len(own.default)])
+        parser.add_argument(flag, type=numbers(len(own.default)), metavar=names, help=text)
+    else:
+        kind = int if isinstance(own.default, int) else number
+        parser.add_argument(flag, type=kind, metavar="N" if kind is int else "X", help=text)
+
+
+def _as_text(value: Any) -> str:
+    """A default as the command line has it."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return ",".join(f"{part:.4g}" for part in (value if isinstance(value, tuple) else (value,)))
+
+
+def build_parser(known: Known) -> argparse.ArgumentParser:
+    """The command line."""
+    choices = known.choices
     parser = argparse.ArgumentParser(
         prog="render.py",
         description=(__doc__ or "").split("\n\n")[0],
@@ -145,6 +187,11 @@ def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParse
         choices=choices["technique"],
         help="how it is computed",
     )
+    add(
+        "--preset",
+        metavar="NAME",
+        help=f"{', '.join(known.presets)}, or one saved in Blender; options change what it sets",
+    )
     add("--k", type=number, metavar="K", help="attenuation, 1/m")
     add("--q", type=number, metavar="Q", help="exponent of the Fresnel term")
     add("--c", type=number, metavar="C", help="offset of the reflection lookup, m")
@@ -154,7 +201,9 @@ def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParse
         metavar="F",
         help="how much wider the textures see than the camera, at least 1",
     )
-    add("--water-color", type=color, metavar="R,G,B", help="of deep water, scene-linear")
+    add("--ior", type=number, metavar="N", help="index of refraction, at least 1")
+    add("--depth", type=number, metavar="D", help="of the water, m, for the speed of the waves")
+    add("--water-color", type=numbers(3), metavar="R,G,B", help="of deep water, scene-linear")
     add(
         "--texture-size",
         type=count,
@@ -222,6 +271,13 @@ def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParse
     add("--glow-exponent", type=number, metavar="E", help="the higher, the smaller the sun's mirror image")
     add("--glow-threshold", type=number, metavar="T", help="brightness, 0 to 1, below which nothing glows")
 
+    for key, label in known.techniques.items():
+        of_technique = {name: own for name, own in known.own.items() if own.technique == key}
+        if of_technique:
+            group = parser.add_argument_group(f"technique {label}", "of no effect with another")
+            for name, own in of_technique.items():
+                own_option(group, name, own)
+
     group = parser.add_argument_group("demonstration lake")
     add = group.add_argument
     add(
@@ -235,26 +291,34 @@ def build_parser(choices: Mapping[str, Sequence[str]]) -> argparse.ArgumentParse
     return parser
 
 
-def known_choices() -> dict[str, list[str]]:
-    """By property, what the extension that is going to be used knows, without starting Blender for it."""
+def known() -> Known:
+    """What the extension that is going to be used knows, without starting Blender for it."""
     package = "lake_water_addon"
     if "bpy" in sys.modules:
         from _blender_side import enabled_extension
 
         package = enabled_extension() or package
     core = f"{package}.core"
-    return {
-        "technique": list(import_module(f"{core}.techniques").TECHNIQUES),
-        "caustics_method": list(import_module(f"{core}.settings").CAUSTICS_METHODS),
-    }
+    techniques = import_module(f"{core}.techniques").TECHNIQUES
+    shipped = Path(str(import_module(core).__file__)).parents[1] / "data" / "presets" / "lake_water"
+    return Known(
+        choices={
+            "technique": list(techniques),
+            "caustics_method": list(import_module(f"{core}.settings").CAUSTICS_METHODS),
+        },
+        own=import_module(f"{core}.parameters").OWN,
+        techniques={key: technique.label for key, technique in techniques.items()},
+        presets=sorted(path.stem.replace("_", " ") for path in shipped.glob("*.py")),
+    )
 
 
-def check_inputs(options: argparse.Namespace) -> None:
+def check_inputs(options: argparse.Namespace, images: Iterable[str]) -> None:
     """Open the files that are named, and make their names paths. Raises UsageProblem.
 
     Not while the command line is taken apart: the value of a mistyped option looks like a scene there.
+    images: names of the options that are image files.
     """
-    for name in ("scene", "obj"):
+    for name in ("scene", "obj", *images):
         if getattr(options, name) is not None:
             setattr(options, name, readable_file(getattr(options, name)))
     if options.scene is not None and options.scene.suffix.lower() != ".blend":
@@ -425,9 +489,9 @@ def make_sheet(
         )
 
 
-def run(options: argparse.Namespace, context: Context) -> None:
-    """Do what the options ask for. Raises RenderProblem, Interrupted."""
-    check_inputs(options)
+def run(options: argparse.Namespace, images: Iterable[str], context: Context) -> None:
+    """Do what the options ask for. images: as of `check_inputs`. Raises RenderProblem, Interrupted."""
+    check_inputs(options, images)
     blender = sys.modules.get("bpy")
     opened = options.scene or (Path(blender.data.filepath) if blender and blender.data.filepath else None)
     base = opened.parent if opened else Path.cwd()
@@ -493,10 +557,11 @@ def main() -> int:
     options: argparse.Namespace | None = None
     statistics = context.statistics
     try:
-        parser = build_parser(known_choices())
+        extension = known()
+        parser = build_parser(extension)
         options = parser.parse_args(script_arguments())
         context.console.verbose = options.verbose
-        run(options, context)
+        run(options, [name for name, own in extension.own.items() if own.is_image], context)
         statistics.data["outcome"] = "finished"
         status = 0
     except RenderProblem as problem:

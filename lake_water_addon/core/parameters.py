@@ -27,19 +27,22 @@ WATER = tuple(f.name for f in fields(WaterSettings) if f.name not in ("waves", "
 class OwnParameter:
     """One that only a technique has. technique: its key; field: the setting's name in the technique's group.
 
-    default: the setting's, None for an image; label, description: for a person.
+    label, description: for a person. kind: of an image, as in `TechniqueSettings.maps`; else empty, and
+    default is the setting's. unit: LENGTH for m, ROTATION for radians, else empty.
     """
 
     technique: str
     field: str
-    default: Any
     label: str
     description: str
+    default: Any = None
+    kind: str = ""
+    unit: str = ""
 
     @property
     def is_image(self) -> bool:
         """Whether it is an image of the file, and no value."""
-        return self.default is None
+        return bool(self.kind)
 
 
 def _own() -> Iterator[tuple[str, OwnParameter]]:
@@ -48,10 +51,14 @@ def _own() -> Iterator[tuple[str, OwnParameter]]:
             continue
         for field in fields(technique.settings):
             texts = field.metadata["name"], field.metadata["description"]
-            yield f"{key.lower()}_{field.name}", OwnParameter(key, field.name, field.default, *texts)
-        for name in technique.settings.maps:
+            unit = field.metadata.get("unit", "")
+            yield (
+                f"{key.lower()}_{field.name}",
+                OwnParameter(key, field.name, *texts, field.default, unit=unit),
+            )
+        for name, kind in technique.settings.maps.items():
             texts = map_label(name), "image in place of the extension's own"
-            yield f"{key.lower()}_{name}", OwnParameter(key, name, None, *texts)
+            yield f"{key.lower()}_{name}", OwnParameter(key, name, *texts, kind=kind)
 
 
 OWN = dict(_own())
