@@ -86,15 +86,6 @@ float depth_between(sampler2D map, vec2 uv, float jump)
   return mix(mix(a, b, part.x), mix(c, d, part.x), part.y);
 }
 
-// m that the ray is behind the nearest texel: a quarter of the lookups of `behind`, for the steps on the way.
-float behind_texel(sampler2D map, TextureRay ray, float part)
-{
-  ivec2 size = textureSize(map, 0);
-  vec2 uv = clamp(mix(ray.from, ray.to, part), 0.0, 1.0);
-  float depth = texelFetch(map, min(ivec2(uv * vec2(size)), size - 1), 0).r;
-  return -(ray.origin.z + way_at(ray, part) * ray.direction.z) - depth;
-}
-
 // m that the ray is behind what the texture shows; negative before it.
 float behind(sampler2D map, TextureRay ray, float part)
 {
@@ -111,18 +102,14 @@ Trace trace(sampler2D map, TextureRay ray, float size, float hidden)
   float least = 1e30;
   float found = 1.0;
   for (int i = 1; i <= steps; i++) {
+    float low = float(i - 1) / float(steps);
     float high = float(i) / float(steps);
-    float now = behind_texel(map, ray, high);
-    if (now > 0.0 && before <= 0.0) {
-      now = behind(map, ray, high);
-    }
+    float now = behind(map, ray, high);
+    float after = now;
     if (now > 0.0) {
       float part = high;
-      float after = now;
       if (before <= 0.0) {
-        // One step more: the nearest texel may have been late.
-        float low = float(max(i - 2, 0)) / float(steps);
-        float ahead = min(behind(map, ray, low), 0.0);
+        float ahead = before;
         for (int j = 0; j < BISECTION_STEPS; j++) {
           float middle = 0.5 * (low + high);
           float there = behind(map, ray, middle);

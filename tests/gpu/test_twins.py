@@ -2236,28 +2236,19 @@ def test_twin_depth_between():
     assert np.mean(np.abs(want - smooth)[jump < 0.1] > 1e-6) > 0.1
 
 
-def check_behind(case, function):
+@every_trace
+def test_twin_behind(case):
     ray, statement, inputs, _, textures, gpu_arguments = rays_of(case)
     part = single(RNG(46).uniform(0, 1, len(ray.w)))
     got = evaluate(
-        results={"z": ("float", f"{function}(refraction_depth, ray, part)")},
+        results={"z": ("float", "behind(refraction_depth, ray, part)")},
         statements=statement,
         part=part,
         **inputs,
         **gpu_arguments,
     )["z"]
-    want = getattr(technique_traced, function)(textures.refraction_depth, ray, part)
+    want = technique_traced.behind(textures.refraction_depth, ray, part)
     assert np.mean(np.abs(got - want) > 5e-3 * (1.0 + 1e-3 * np.abs(want))) < 0.01
-
-
-@every_trace
-def test_twin_behind(case):
-    check_behind(case, "behind")
-
-
-@every_trace
-def test_twin_behind_texel(case):
-    check_behind(case, "behind_texel")
 
 
 def compare_traces(got, want, size):
