@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of docs/light.md and docs/water_line.md: effects on and off, side by side.
+"""The pictures of docs/light.md, docs/techniques.md and docs/water_line.md, side by side.
 
     .venv/bin/python docs/pictures.py docs/images
     .venv/bin/python docs/pictures.py docs/images --only caustics
@@ -26,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import lake_water_addon  # noqa: E402 - after the path
+from lake_water_addon.core.techniques import TECHNIQUES  # noqa: E402
 from lake_water_addon.engine import last_render_report, release_final_host  # noqa: E402
 from lake_water_addon.render import shader_library  # noqa: E402
 from lake_water_addon.scenes import LakeScene, animate_dive, build_lake  # noqa: E402
@@ -77,8 +78,9 @@ def render(scene: bpy.types.Scene) -> Image.Image:
     with tempfile.TemporaryDirectory() as folder:
         scene.render.filepath = str(Path(folder) / "picture.png")
         bpy.ops.render.render(write_still=True)
-        if last_render_report()["error"]:
-            raise SystemExit(f"docs/pictures.py: {last_render_report()['error']}")
+        report = last_render_report() if scene.render.engine == "LAKE_WATER" else None
+        if report and report["error"]:
+            raise SystemExit(f"docs/pictures.py: {report['error']}")
         return Image.open(scene.render.filepath).convert("RGB")
 
 
@@ -101,6 +103,15 @@ def beside(pictures: list[Image.Image]) -> Image.Image:
     sheet = Image.new("RGB", (len(pictures) * width, height))
     for i, picture in enumerate(pictures):
         sheet.paste(picture, (i * width, 0))
+    return sheet
+
+
+def stacked(pictures: list[Image.Image]) -> Image.Image:
+    """Pictures of one size, one below the other."""
+    width, height = pictures[0].size
+    sheet = Image.new("RGB", (width, len(pictures) * height))
+    for i, picture in enumerate(pictures):
+        sheet.paste(picture, (0, i * height))
     return sheet
 
 
@@ -192,14 +203,41 @@ def dive(lake: LakeScene) -> Image.Image:
     for frame in DIVE_FRAMES:
         scene.frame_set(scene.frame_start + frame)
         pictures.append(render(scene).resize(small, Image.Resampling.LANCZOS))
-    rows = [beside(pictures[:3]), beside(pictures[3:])]
-    sheet = Image.new("RGB", (rows[0].width, 2 * rows[0].height))
-    for i, row in enumerate(rows):
-        sheet.paste(row, (0, i * row.height))
-    return sheet
+    return stacked([beside(pictures[:3]), beside(pictures[3:])])
+
+
+def techniques(lake: LakeScene) -> Image.Image:
+    """The five techniques in their order, two in a row; the last place shows the water switched off."""
+    scene, center = bpy.context.scene, Vector(lake.center)
+    look(lake.camera, center + Vector((-4.0, -16.0, 4.0)), center + Vector((0.5, 0.0, -1.0)))
+    pictures = []
+    for name in TECHNIQUES:
+        scene.lake_water.technique = name
+        pictures.append(render(scene))
+    lake.water.hide_render = True
+    pictures.append(render(scene))
+    return stacked([beside(pictures[i : i + 2]) for i in (0, 2, 4)])
+
+
+def engines(lake: LakeScene) -> Image.Image:
+    """The same frame: Traced, Cycles, EEVEE."""
+    scene, center = bpy.context.scene, Vector(lake.center)
+    look(lake.camera, center + Vector((-4.0, -16.0, 4.0)), center + Vector((0.5, 0.0, -1.0)))
+    scene.lake_water.technique = "TRACED"
+    pictures = [render(scene)]
+    scene.cycles.samples = 256
+    scene.cycles.use_denoising = False
+    scene.cycles.sample_clamp_indirect = scene.cycles.blur_glossy = 0.0  # both would darken what shines
+    scene.eevee.taa_render_samples = 16
+    for engine in ("CYCLES", "BLENDER_EEVEE"):
+        scene.render.engine = engine
+        pictures.append(render(scene))
+    return beside(pictures)
 
 
 PICTURES = {
+    "techniques": techniques,
+    "engines": engines,
     "caustics": caustics,
     "shadows": shadows,
     "glow": glow,
