@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Photons of sunlight through waves, and their sum: twin of `photon_lib.glsl` and `caustics_lib.glsl`.
+"""Photons of sunlight through the waves, and their sum, which the method CPU takes here.
+
+The twin of `sun_run_lib.glsl`, `photon_lib.glsl`, `caustics_lib.glsl`, `coverage_lib.glsl`.
 
 A photon is launched where a ray of the sun meets the water plane, one a texel of the light camera's
 window (`light`), so that all carry the same flux. At the waves it is refracted, and the intersection
