@@ -140,10 +140,13 @@ def light_camera(
     resolution: int,
     margin: float = 0.0,
     within: tuple[np.ndarray, np.ndarray] | None = None,
+    steady: bool = False,
 ) -> LightCamera | None:
     """The camera along `direction` whose picture holds all `points` (n, 3), and `margin` m around them.
 
-    within: corners (3,) of a box outside of which nothing is of use; None when no point is near it.
+    within: corners (3,) of a box outside of which nothing is of use; None when no point is near it. steady:
+    as large as the points could need however they were turned, so that a view that turns, as round a
+    turntable, does not see its texels change in size.
 
     bounds: lowest and highest corner (3,) of what it may draw; its clip planes lie beyond them, and do
     not depend on the view.
@@ -151,6 +154,9 @@ def light_camera(
     axes = light_axes(direction)
     at = points @ axes.T
     low, high = at.min(axis=0) - margin, at.max(axis=0) + margin
+    if steady:
+        half = 0.5 * np.linalg.norm(points[:, None] - points, axis=2).max() + margin
+        low, high = 0.5 * (low + high) - half, 0.5 * (low + high) + half
     if within is not None:
         limit = box_corners(*within) @ axes.T
         low, high = np.maximum(low, limit.min(axis=0)), np.minimum(high, limit.max(axis=0))

@@ -564,7 +564,7 @@ def _plan_shadows(
             seen = visible_part_of_box(*near, to_clip)
             if len(seen) == 0:
                 break
-            found.insert(0, light_camera(along, seen, bounds, size))
+            found.insert(0, light_camera(along, seen, bounds, size, steady=True))
     spare = len(found) < CASCADES - 1
     within = bounds if spare else _around(eye, MIRRORED_REACH * distance, bounds)
     mirrored = np.concatenate([points, *_seen_in_surfaces(camera, bodies, within, settings)])

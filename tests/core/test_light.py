@@ -157,6 +157,23 @@ def test_a_view_that_moves_a_little_asks_for_no_new_picture():
     assert followed((0, 0, 0)).key != followed((0, 8, 0)).key
 
 
+@pytest.mark.parametrize("sun", SUNS.values(), ids=SUNS)
+def test_steady_camera_keeps_its_size_while_the_points_are_turned(sun):
+    points = np.random.default_rng(6).normal(size=(30, 3)) * [3.0, 0.5, 1.0]
+    found = [
+        light.light_camera(
+            -towards(sun), points @ view_of((0, 0, 0), yaw, 0.2)[:3, :3], BOUNDS, 256, steady=True
+        )
+        for yaw in np.linspace(0.0, 2.0 * np.pi, 60)
+    ]
+    assert len({tuple(camera.texel) for camera in found}) == 1
+    assert found[0].texel[0] == found[0].texel[1]
+    loose = light.light_camera(-towards(sun), points, BOUNDS, 256)
+    assert np.all(loose.texel <= found[0].texel)
+    texel = in_texels(found[0], points @ view_of((0, 0, 0), 0.0, 0.2)[:3, :3])
+    assert texel.min() >= light.BORDER * (1 - 1e-6) and texel.max() <= 256 - light.BORDER * (1 - 1e-6)
+
+
 def test_key_tells_cameras_apart():
     camera = followed((0, 0, 0))
     again = followed((0, 0, 0))

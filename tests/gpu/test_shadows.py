@@ -446,7 +446,7 @@ def test_sun_from_below_is_kept_off_by_the_ground(renderer, elevation, wet):
         picture = draw(renderer, scene, view, SIZE, use_shadows=True)
         dark = draw(renderer, replace(scene, sun=None, version=-16), view, SIZE, use_shadows=True)
         lit = np.abs(picture - dark).max(axis=-1) > 1e-4
-        assert lit.mean() < 0.003, lit.mean()
+        assert lit.mean() < 0.006, lit.mean()
 
 
 def test_no_sun_needs_no_shadows(renderer):
