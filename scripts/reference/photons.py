@@ -254,12 +254,11 @@ def _splat(at: np.ndarray, layer: np.ndarray, light: np.ndarray, shape: tuple[in
     x, y = nearest.astype(np.int64).T
     # A border on each side takes what falls beside the window.
     wide = columns + 6
-    cells = np.zeros((channels, 2 * (rows + 6) * wide))
     index = (layer * (rows + 6) + y + 3) * wide + x + 3
-    for j in range(3):
-        for i in range(3):
-            share = weights[i, :, 0] * weights[j, :, 1]
-            to = index + (j - 1) * wide + i - 1
-            for channel in range(channels):
-                cells[channel] += np.bincount(to, share * light[:, channel], cells.shape[1])
+    steps = (np.arange(-1, 2)[:, None] * wide + np.arange(-1, 2)).reshape(9, 1)
+    to = (steps + index).ravel()
+    share = (weights[:, None, :, 1] * weights[None, :, :, 0]).reshape(9, -1)
+    cells = np.stack(
+        [np.bincount(to, (share * of_channel).ravel(), 2 * (rows + 6) * wide) for of_channel in light.T]
+    )
     return np.moveaxis(cells.reshape(channels, 2, rows + 6, wide)[:, :, 3:-3, 3:-3], 0, -1)

@@ -48,7 +48,7 @@ def test_sky_light_through_water(blender, waves, tolerance):
     camera = scenes.look_at((0.0, -7.0, 4.0), (0.0, 0.0, -0.5), SIZE)
     reference = Reference(scene, water_optics=physical_optics)
     ours = reference.picture(camera, SIZE, samples=64)
-    theirs = cycles_picture(blender, scene, camera, SIZE, samples=128)
+    theirs = cycles_picture(blender, scene, camera, SIZE, samples=512)
     water = ours.water > 0.99
     assert water.mean() > 0.5
     np.testing.assert_allclose(ours.radiance[water].mean(axis=0), theirs[water].mean(axis=0), rtol=tolerance)
