@@ -13,8 +13,17 @@ from tests.gpu.pictures import draw, to_8_bit
 FOLDER = Path(__file__).resolve().parents[1] / "references"
 SIZE = (240, 180)
 
+SHORE = scenes.look_at((11, -12, 5), (0, -1.5, -0.5), SIZE)
+SUNLIGHT = {"use_caustics": True, "use_shadows": True, "use_glow": True}
+
 VIEWS = {
-    "from_the_shore": (scenes.look_at((11, -12, 5), (0, -1.5, -0.5), SIZE), {}),
+    "from_the_shore": (SHORE, {}),
+    "sunlight": (scenes.look_at((11, -12, 8), (0, -1.5, -0.5), SIZE), SUNLIGHT),
+    "sunlight_under_water": (scenes.look_at((6, -9, -1.2), (2, -3.5, -2.2), SIZE, fov=1.2), SUNLIGHT),
+    "simple_lake": (SHORE, {"technique": "SIMPLE_LAKE"}),
+    "pond": (SHORE, {"technique": "POND"}),
+    "ripple": (SHORE, {"technique": "RIPPLE"}),
+    "traced": (SHORE, {"technique": "TRACED"}),
     "near_the_water": (scenes.look_at((2, -13, 0.6), (0, 0, 0.4), SIZE), {}),
     "under_water": (
         scenes.look_at((6, -9, -1.2), (2, -3.5, -0.9), SIZE, fov=1.2),
