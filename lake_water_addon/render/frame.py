@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from weakref import WeakValueDictionary
 
 import gpu
+import numpy as np
 from gpu.types import GPUFrameBuffer, GPUTexture, GPUUniformBuf
 
 from ..core.plan import FramePlan
@@ -66,6 +68,7 @@ class FrameRenderer:
         self._maps = MapTextures(self.resources)
         self.mean = SampleMean(self.resources, self.library)
         self._blocks: dict[tuple, UniformBlock] = {}
+        self._filled_for: WeakValueDictionary[tuple, FramePlan] = WeakValueDictionary()
         self._drawn: dict[tuple, tuple] = {}  # what the textures of the sun's light were drawn from
         self._bodies = 0
 
@@ -73,6 +76,23 @@ class FrameRenderer:
         if key not in self._blocks:
             self._blocks[key] = UniformBlock(self.resources)
         return self._blocks[key]
+
+    def _filled(
+        self, plan: FramePlan, key: tuple, members: Callable[[], Sequence[np.ndarray]]
+    ) -> GPUUniformBuf:
+        """The block `key`, which a plan fills once, however many passes use it."""
+        if self._filled_for.get(key) is not plan:
+            self._block(*key).update(*members())
+            self._filled_for[key] = plan
+        return self._block(*key).buffer
+
+    def _view(self, plan: FramePlan) -> GPUUniformBuf:
+        camera = plan.camera
+        return self._filled(plan, ("view",), lambda: uniforms.view(camera.view, camera.projection))
+
+    def _water_of(self, plan: FramePlan, i: int) -> GPUUniformBuf:
+        """Body `i` with the cameras of what is looked up from the air."""
+        return self._filled(plan, ("water", i), lambda: uniforms.water(plan, plan.bodies[i]))
 
     def upload(self, plan: FramePlan) -> GPUUniformBuf:
         """Bring the GPU's copy of the scene up to date; returns the lights' buffer."""
@@ -86,7 +106,7 @@ class FrameRenderer:
             for kind in ("light depth", "caustics"):
                 self._drawn.pop((kind, gone), None)
         self._bodies = bodies
-        return self._block("lights").update(*uniforms.lights(plan))
+        return self._filled(plan, ("lights",), lambda: uniforms.lights(plan))
 
     def _is_new(self, key: tuple, state: tuple) -> bool:
         """Whether the texture `key` has to be drawn, because it shows another state."""
@@ -128,7 +148,7 @@ class FrameRenderer:
     ) -> SunInWater:
         """What lights the things under the water of body `i`."""
         body = plan.bodies[i]
-        water = self._block("water", i).update(*uniforms.water(plan, body))
+        water = self._water_of(plan, i)
         water_light = self._block("water light", i).update(*uniforms.water_light(plan, body))
         light_depth = self.draw_light_depth(i, plan, timer)
         caustics = None
@@ -227,7 +247,7 @@ class FrameRenderer:
     def draw_depth(self, plan: FramePlan, timer: PassTimer, framebuffer: GPUFrameBuffer) -> None:
         """The depth of the dry scene alone into the bound framebuffer, in place of what it holds."""
         self.upload(plan)
-        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
+        view = self._view(plan)
         with timer.measure("depth", framebuffer):
             framebuffer.clear(depth=1.0)
             gpu.state.color_mask_set(False, False, False, False)
@@ -282,7 +302,7 @@ class FrameRenderer:
         if immersed is None:
             return
         body, side = plan.bodies[immersed], self.near_side(plan, immersed)
-        water = self._block("water", immersed).update(*uniforms.water(plan, body))
+        water = self._water_of(plan, immersed)
         with timer.measure("fog", framebuffer), over.bind() if over else nullcontext():
             self._fog.draw_fog(side, water, depth, view_transform)
         look = replace(look, near_side=side)
@@ -306,14 +326,14 @@ class FrameRenderer:
 
     def _draw_surface(self, i: int, plan: FramePlan, look: SurfaceLook) -> None:
         lights = self.upload(plan)
-        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
+        view = self._view(plan)
         body, size = plan.bodies[i], plan.settings.texture_size
         if look.from_below:
             water = self._block("water from below", i).update(*uniforms.water(plan, body, from_below=True))
             refraction = textures.refraction_from_below_target(self.targets, i, size)
             reflection = textures.reflection_from_below_target(self.targets, i, size)
         else:
-            water = self._block("water", i).update(*uniforms.water(plan, body))
+            water = self._water_of(plan, i)
             refraction = textures.refraction_target(self.targets, i, size)
             reflection = self._reflection_target(i, plan)
             if plan.technique.settings is not None:
@@ -336,7 +356,7 @@ class FrameRenderer:
         in_air, in_water = self.draw_textures(plan, timer)
         with target.framebuffer.bind():
             target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
-            view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
+            view = self._view(plan)
             with timer.measure("scene", target.framebuffer):
                 if in_water is None:
                     self._geometry.draw_scene(in_air, view)
@@ -360,11 +380,8 @@ class FrameRenderer:
     ) -> GPUTexture:
         """The glow of a plan that has one (see `GlowPainter.draw_star`), after the water is drawn."""
         lights = self.upload(plan)
-        view = self._block("view").update(*uniforms.view(plan.camera.view, plan.camera.projection))
-        waters = [
-            self._block("water", i).update(*uniforms.water(plan, body)) if plan.glow.bodies[i] else None
-            for i, body in enumerate(plan.bodies)
-        ]
+        view = self._view(plan)
+        waters = [self._water_of(plan, i) if plan.glow.bodies[i] else None for i in range(len(plan.bodies))]
         return self._glow.draw_star(plan, lights, view, waters, depth, shadow_depth)
 
     def add_glow(
