@@ -301,7 +301,7 @@ class LAKE_WATER_OT_set_parameters(_ObjectModeOperator, bpy.types.Operator):
         technique = scene.lake_water.technique
         without = [name for name in given if not parameters.has_effect(name, technique)]
         if without:
-            labels = ", ".join(self.bl_rna.properties[name].name for name in without)
+            labels = ", ".join(self.properties.bl_rna.properties[name].name for name in without)
             self.report({"WARNING"}, f"No effect with the technique {TECHNIQUES[technique].label}: {labels}")
         return {"FINISHED"}
 

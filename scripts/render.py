@@ -60,6 +60,8 @@ exit status:
   0 done; 2 wrong command line, or a file, folder or camera that it names is not usable;
   1 something failed later; 130 Ctrl-C; 143 terminated
 
+A value that begins with a minus and has a comma needs an equals sign: --pond-velocity-0=-0.1,0.2
+
 Frames are written under another name and renamed when they are whole. Whatever happens,
 the same command with --resume goes on with the first missing one.
 """

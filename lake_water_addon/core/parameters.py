@@ -45,6 +45,13 @@ class OwnParameter:
         return bool(self.kind)
 
 
+_IMAGE_TEXTS = {
+    "NORMAL": "Normal map in place of the extension's own",
+    "DUDV": "Dudv map in place of the extension's own",
+    "COLOR": "Image for it; there is none without",
+}
+
+
 def _own() -> Iterator[tuple[str, OwnParameter]]:
     for key, technique in TECHNIQUES.items():
         if technique.settings is None:
@@ -57,7 +64,7 @@ def _own() -> Iterator[tuple[str, OwnParameter]]:
                 OwnParameter(key, field.name, *texts, field.default, unit=unit),
             )
         for name, kind in technique.settings.maps.items():
-            texts = map_label(name), "image in place of the extension's own"
+            texts = map_label(name), _IMAGE_TEXTS[kind]
             yield f"{key.lower()}_{name}", OwnParameter(key, name, *texts, kind=kind)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, fields
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import bpy
 import numpy as np
@@ -14,13 +14,18 @@ import pytest
 from mathutils import Euler, Matrix
 
 from lake_water_addon import handlers, operators, panels, preferences, properties, water_objects
+from lake_water_addon.core import parameters
+from lake_water_addon.core.attenuation import PUBLISHED
 from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.snapshot import WaterSettings
 from lake_water_addon.core.techniques import DEFAULT_TECHNIQUE, TECHNIQUES
 from lake_water_addon.core.waves import max_height
 from lake_water_addon.host import frame_settings
+from lake_water_addon.map_images import image_messages
 from lake_water_addon.sun_lights import SunFinder
 from lake_water_addon.water_objects import WaterError
+
+ALL_PARAMETERS = (*parameters.WATER, *parameters.OWN, *parameters.SCENE)
 
 
 def add_water(**options: object) -> bpy.types.Object:
@@ -215,6 +220,91 @@ def test_set_parameters_finds_the_only_water_of_the_scene() -> None:
     assert water.lake_water.k == 1.5
 
 
+def another(value: object) -> object:
+    """A value of the same type that a setting with this one may have, too."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, tuple):
+        return tuple(part + 0.03125 for part in value)
+    return value + 1 if isinstance(value, int) else value + 0.03125
+
+
+def other_values(obj: bpy.types.Object) -> dict[str, object]:
+    """Another value for every parameter but the technique, as `set_parameters` takes it."""
+    image = bpy.data.images.get("map") or bpy.data.images.new("map", 4, 4, is_data=True)
+    values = {}
+    for name in ALL_PARAMETERS:
+        if name in parameters.OWN and parameters.OWN[name].is_image:
+            values[name] = image.name
+        elif name != "technique":
+            value = getattr(*properties.place_of(name, bpy.context.scene, obj))
+            if isinstance(value, str):
+                values[name] = {"caustics_method": "CPU"}[name]
+            else:
+                values[name] = another(tuple(value) if hasattr(value, "__len__") else value)
+    return values
+
+
+def test_set_parameters_takes_every_parameter_of_every_technique() -> None:
+    obj, scene = add_water(), bpy.context.scene
+    values = other_values(obj)
+    for name, value in values.items():
+        bpy.ops.lake_water.set_parameters(**{name: value})
+    bpy.ops.lake_water.set_parameters(technique="RIPPLE")
+    assert scene.lake_water.technique == "RIPPLE"
+    for name, value in values.items():
+        held = getattr(*properties.place_of(name, scene, obj))
+        if isinstance(held, bpy.types.Image):
+            held = held.name
+        elif isinstance(value, tuple):
+            held = tuple(held)
+        assert held == (value if isinstance(value, str) else pytest.approx(value)), name
+
+
+@pytest.mark.parametrize("technique", TECHNIQUES)
+def test_set_parameters_says_what_has_no_effect(technique: str, capfd: pytest.CaptureFixture[str]) -> None:
+    obj = add_water()
+    scene = bpy.context.scene.lake_water
+    scene.technique = technique
+    read = TECHNIQUES[technique].reads
+    all_read = frozenset().union(*(t.reads for t in TECHNIQUES.values()))
+    own = {name for name, parameter in parameters.OWN.items() if parameter.technique == technique}
+    silent = (
+        (set(parameters.WATER) & read) | own | {n for n in parameters.SCENE if n in read or n not in all_read}
+    )
+    for name, value in other_values(obj).items():
+        capfd.readouterr()
+        assert bpy.ops.lake_water.set_parameters(**{name: value}) == {"FINISHED"}
+        said = "No effect with the technique " + TECHNIQUES[technique].label in "".join(capfd.readouterr())
+        assert said == (name not in silent), name
+
+
+def test_set_parameters_refuses_an_image_that_is_not_there() -> None:
+    obj = add_water()
+    with pytest.raises(RuntimeError, match='no image "nowhere" in this file'):
+        bpy.ops.lake_water.set_parameters(pond_bias_map="nowhere", k=2.0)
+    assert obj.lake_water.k == 0.5, "half of it was done"
+    obj.lake_water.pond.bias_map = bpy.data.images.new("map", 4, 4)
+    bpy.ops.lake_water.set_parameters(pond_bias_map="")
+    assert obj.lake_water.pond.bias_map is None
+
+
+def test_published_absorption_and_new_maps_are_one_click_away() -> None:
+    obj = add_water()
+    for key, published in PUBLISHED.items():
+        bpy.ops.lake_water.set_absorption(water=key)
+        assert tuple(obj.lake_water.traced.absorption) == pytest.approx(published.per_metre)
+    bpy.ops.lake_water.new_map(parameter="ripple_dudv_map", seed=3, size=32)
+    bpy.ops.lake_water.new_map(parameter="pond_normal_map_1", seed=3, size=32)
+    settings = obj.lake_water
+    assert image_messages(settings.ripple.dudv_map, "DUDV") == ()
+    assert image_messages(settings.pond.normal_map_1, "NORMAL") == ()
+    assert settings.pond.normal_map_0 is None
+    for wrong in ("", "pond_bias", "pond_bias_map"):
+        with pytest.raises(RuntimeError, match="is no normal map or dudv map"):
+            bpy.ops.lake_water.new_map(parameter=wrong)
+
+
 def test_reset_puts_everything_but_the_display_back() -> None:
     obj, scene = add_water(), bpy.context.scene
     waves = water_objects.settings_of(obj).waves
@@ -227,11 +317,16 @@ def test_reset_puts_everything_but_the_display_back() -> None:
         elif not isinstance(field.default, str):
             setattr(scene.lake_water, field.name, field.default + 1)
     scene.lake_water.caustics_method = "CPU"
+    bpy.ops.lake_water.set_parameters(technique="POND", **other_values(obj))
     scene.lake_water.show_in_viewport = False
     bpy.ops.lake_water.reset_parameters()
     settings = water_objects.settings_of(obj)
     assert (settings.k, settings.q, settings.c) == (0.5, 5.0, 1.0)
     assert settings.waves == waves
+    for own in settings.own:
+        for field in fields(own):
+            assert getattr(own, field.name) == pytest.approx(field.default), field.name
+    assert settings.images == ()
     assert obj.lake_water.grid_resolution == 49
     assert asdict(frame_settings(scene)) == pytest.approx(asdict(FrameSettings()))
     assert obj.lake_water.enabled and obj.display_type == "WIRE"
@@ -312,7 +407,7 @@ def test_settings_can_be_animated_and_driven() -> None:
 
 def test_settings_are_saved_with_the_file(tmp_path: Path) -> None:
     obj = add_water()
-    bpy.ops.lake_water.set_parameters(k=0.75, fov_ext=1.25)
+    bpy.ops.lake_water.set_parameters(k=0.75, fov_ext=1.25, pond_bias=0.75, traced_march_steps=7)
     saved, name = water_objects.settings_of(obj), obj.name
     path = str(tmp_path / "lake.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -383,6 +478,7 @@ class Layout:
         self.active = True
         self.parts: list[Layout] = []
         self.labels: list[str] = []
+        self.buttons: list[str] = []
         self.values: list[str] = []
 
     def column(self, **_options: object) -> Layout:
@@ -394,10 +490,23 @@ class Layout:
     def separator(self) -> None:
         pass
 
-    def label(self, *, text: str, **_options: object) -> None:
+    def label(self, *, text: str = "", **_options: object) -> None:
         self.labels.append(text)
 
     def prop(self, _data: object, name: str, **_options: object) -> None:
+        self.values.append(name)
+
+    template_ID = prop
+
+    def operator(self, name: str = "", *_more: object, **_options: object) -> Layout:
+        self.buttons.append(name)
+        return self
+
+    operator_menu_enum = popover = operator
+
+    def template_list(
+        self, _kind: str, _name: str, _data: object, name: str, *_other: object, **_more: object
+    ) -> None:
         self.values.append(name)
 
     def shown(self) -> dict[str, bool]:
@@ -415,6 +524,29 @@ def draw_panel(effect: type) -> Layout:
     return panel.layout
 
 
+def draw_registered(panel: type[bpy.types.Panel]) -> Layout:
+    """Draw a panel of Blender's own kind, of which only a window has instances."""
+    stand_in = SimpleNamespace(layout=Layout(), _draw_map=getattr(panel, "_draw_map", None))
+    panel.draw(stand_in, bpy.context)
+    return stand_in.layout
+
+
+SIDEBAR = tuple(
+    getattr(panels, f"VIEW3D_PT_lake_water{name}") for name in ("", "_water", "_own", "_waves", "_rendering")
+)
+
+
+def shown_in_sidebar() -> set[str]:
+    """Settings that the sidebar shows, those of a technique under the names of `core.parameters`."""
+    own = panels.VIEW3D_PT_lake_water_own
+    found = set()
+    for panel in SIDEBAR:
+        if panel.poll(bpy.context) if hasattr(panel, "poll") else True:
+            prefix = bpy.context.scene.lake_water.technique.lower() + "_" if panel is own else ""
+            found |= {prefix + name for name in draw_registered(panel).shown()}
+    return found.union(*(draw_panel(effect).shown() for effect in EFFECTS), {e.switch for e in EFFECTS})
+
+
 EFFECTS = (panels._Caustics, panels._Shadows, panels._Glow)
 
 
@@ -424,6 +556,58 @@ def test_every_setting_of_the_picture_is_in_a_panel() -> None:
     found = set(layout.shown()).union(*(draw_panel(effect).shown() for effect in EFFECTS))
     found |= {effect.switch for effect in EFFECTS}
     assert {field.name for field in fields(FrameSettings)} <= found
+
+
+@pytest.mark.parametrize("technique", TECHNIQUES)
+def test_the_panel_shows_what_the_technique_reads_and_nothing_else(technique: str) -> None:
+    add_water()
+    bpy.context.scene.lake_water.technique = technique
+    read = {name for name in ALL_PARAMETERS if parameters.has_effect(name, technique)}
+    assert shown_in_sidebar() & set(ALL_PARAMETERS) == read
+    assert ("waves" in shown_in_sidebar()) == ("waves" in TECHNIQUES[technique].reads)
+
+
+def test_every_parameter_has_a_place_in_some_panel() -> None:
+    add_water()
+    found = set()
+    for technique in TECHNIQUES:
+        bpy.context.scene.lake_water.technique = technique
+        found |= shown_in_sidebar()
+    assert set(ALL_PARAMETERS) <= found
+
+
+def test_waves_that_the_technique_leaves_flat_are_dimmed() -> None:
+    obj = add_water()
+    bpy.context.scene.lake_water.technique = "POND"
+    for raised in (False, True):
+        obj.lake_water.pond.geometric_waves = raised
+        shown = draw_registered(panels.VIEW3D_PT_lake_water_waves).shown()
+        assert shown["waves"] == shown["depth"] == raised
+
+
+def test_the_panel_warns_of_an_image_that_is_no_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    obj, scene = add_water(), bpy.context.scene
+    scene.lake_water.technique = "RIPPLE"
+
+    def said() -> str:
+        return " ".join(draw_registered(panels.VIEW3D_PT_lake_water_own).text())
+
+    before = len(bpy.data.images)
+    assert said() == "" and len(bpy.data.images) == before, "nothing is made while Blender draws"
+    image = obj.lake_water.ripple.dudv_map = bpy.data.images.new("mine", 4, 4)
+    assert "its color space is sRGB" in said() and 'Image "mine" does not look like a dudv map' in said()
+    image.colorspace_settings.name = "Non-Color"
+    assert "color space" not in said() and "does not look like" in said()
+    bpy.ops.lake_water.new_map(parameter="ripple_dudv_map", size=16)
+    assert said() == ""
+    # Told once, and not asked again at each redraw.
+    monkeypatch.setattr(panels, "image_messages", lambda *_: pytest.fail("read again"))
+    assert said() == ""
+    scene.lake_water.technique = "POND"
+    obj.lake_water.pond.bias_map = bpy.data.images.new("film", 4, 4)
+    assert said() == ""
+    obj.lake_water.pond.bias_map.source = "MOVIE"
+    assert "is of the kind movie, which is not supported" in said()
 
 
 def test_values_that_change_nothing_are_dimmed() -> None:

@@ -122,6 +122,8 @@ def pixels(bpy: ModuleType, path: Path) -> np.ndarray:
         ("--output x --frames 0", r"--frames: 0 is too small"),
         ("--output x --resolution 0x48", r"--resolution: 0x48: both numbers must be at least 1"),
         ("--output x --resolution 64", r"--resolution: '64': give two whole numbers like 640x480"),
+        ("--output x --pond-velocity-0 1", r"--pond-velocity-0: '1': give two numbers like 0,0.2"),
+        ("--output x --ripple-dudv-map none.png", r"none\.png cannot be read .*check the path"),
         ("--output x --k nan", r"--k: nan is not a finite number"),
         ("--output x --water-color 0,1", r"--water-color: '0,1': give three numbers"),
         ("--output x --technique SEA", r"--technique: invalid choice: 'SEA' \(choose from .*LAKE"),
@@ -162,6 +164,11 @@ def test_wrong_command_line_is_refused_with_a_remedy(tmp_path: Path, arguments: 
         ("pool", "--k 1001", r"--k 1001: out of range, give 0 to 1000"),
         ("pool", "--caustics-size 5000", r"--caustics-size 5000: out of range, give 16 to 4096"),
         ("pool", "--glow-threshold 2", r"--glow-threshold 2: out of range, give 0 to 1"),
+        ("pool", "--traced-thickness -1", r"--traced-thickness -1: out of range, give 0 to 1000"),
+        ("pool", "--ripple-dudv-map points.obj", r"--ripple-dudv-map: .*points\.obj.*: give another"),
+        ("pool", "--preset sea", r"--preset: there is no preset 'sea': choose one of Calm sea at dusk, .*"),
+        ("dry", "--preset thesis_2008", r"--preset: the scene has no water to set it on"),
+        ("dry", "--pond-bias 1", r"--pond-bias: the scene has no water to set it on"),
         ("pool", "--resolution 2x8", r"--resolution 2: out of range, give 4 to 65536"),
         ("pool", "--resolution 65536x8", r"65536x8 pixels: this GPU draws at most \d+ a side"),
         (
@@ -340,7 +347,7 @@ def test_options_of_the_sunlight_reach_the_picture_and_the_statistics(
 ) -> None:
     still = (scenes["pool"], "--samples", 1, "--stats", "stats.json", "--output")
     said = render(
-        *(*still, "off.png", "--no-caustics", "--no-shadows", "--no-glow", "--exact-under-water"),
+        *(*still, "off.png", "--no-caustics", "--no-shadows", "--no-glow", "--no-exact-under-water"),
         *("--glow-strength", 2, "--caustics-steps", 3, "--light-depth-size", 64),
         folder=tmp_path,
     )
@@ -351,7 +358,7 @@ def test_options_of_the_sunlight_reach_the_picture_and_the_statistics(
         "glow": "not drawn, switched off",
     }
     switches = ("use_caustics", "use_shadows", "use_glow", "use_exact_under_water")
-    assert [settings[name] for name in switches] == [False, False, False, True]
+    assert [settings[name] for name in switches] == [False, False, False, False]
     for note in (
         "--glow-strength has no effect without --glow",
         "--caustics-steps has no effect without --caustics",
@@ -371,7 +378,7 @@ def test_options_of_the_sunlight_reach_the_picture_and_the_statistics(
         **dict.fromkeys(("use_caustics", "use_shadows", "use_glow"), True),
         **{"caustics_method": "CPU", "caustics_size": 64, "photon_size": 32, "caustics_steps": 2},
         **{"light_depth_size": 128, "glow_strength": 0.5, "glow_exponent": 100.0, "glow_threshold": 0.1},
-        "use_exact_under_water": False,
+        "use_exact_under_water": True,
     }
     assert {name: stats["settings"][name] for name in expected} == expected
     assert "shadow depth" in stats["median"]["passes"]
@@ -386,12 +393,44 @@ def test_every_setting_of_the_picture_has_an_option(scripts: None) -> None:
     import _blender_side
     import render as script
 
+    from lake_water_addon.core import parameters
     from lake_water_addon.core.settings import FrameSettings
 
     assert {field.name for field in fields(FrameSettings)} <= set(_blender_side.SCENE_SETTINGS)
-    options = script.build_parser(script.known_choices()).parse_args([])
-    for name in (*_blender_side.SCENE_SETTINGS, *_blender_side.WATER_SETTINGS):
+    options = script.build_parser(script.known()).parse_args([])
+    assert set(_blender_side.WATER_SETTINGS) == set(parameters.WATER)
+    for name in (*_blender_side.SCENE_SETTINGS, *_blender_side.WATER_SETTINGS, *parameters.OWN):
         assert getattr(options, name) is None, f"{name} is set though nobody asked for it"
+
+
+def test_options_of_a_technique_and_a_preset_reach_the_statistics(
+    bpy_module: ModuleType, scenes: dict[str, Path], tmp_path: Path
+) -> None:
+    still = (scenes["pool"], "--samples", 1, "--texture-size", 32, "--no-caustics", "--stats", "stats.json")
+    said = render(
+        *(*still, "--output", "pond.png", "--preset", "pond_2006", "--pond-velocity-0=-0.5,0.25"),
+        *("--pond-geometric-waves", "--pond-shininess", 32, "--k", 0.25, "--traced-march-steps", 8, "--c", 2),
+        folder=tmp_path,
+    )
+    for option in ("--traced-march-steps", "--c"):
+        assert f"note: {option} has no effect with the technique Pond\n" in said
+    assert said.count("note: ") == 2, said
+    settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
+    expected = {
+        **{"technique": "POND", "preset": "Pond 2006", "Pool k": 0.25, "Pool pond_velocity_0": [-0.5, 0.25]},
+        **{"Pool pond_geometric_waves": True, "Pool pond_shininess": 32.0, "Pool pond_normal_map_0": None},
+    }
+    assert {name: settings[name] for name in expected} == expected
+    assert "Pool traced_march_steps" not in settings
+
+    # The picture just made is no dudv map.
+    said = render(
+        *(*still, "--output", "ripple.png", "--technique", "ripple", "--ripple-dudv-map", "pond.png"),
+        folder=tmp_path,
+    )
+    assert 'note: --ripple-dudv-map: Image "pond.png" does not look like a dudv map\n' in said
+    first, second = (pixels(bpy_module, tmp_path / f"{name}.png") for name in ("pond", "ripple"))
+    assert np.abs(first - second).mean() > 0.01
 
 
 def test_a_texture_beyond_the_limit_of_the_gpu_is_refused(
@@ -478,6 +517,6 @@ def test_every_cut_of_a_picture_is_noticed(frame_files: ModuleType, sequence: Pa
 def test_a_typing_error_is_told_before_blender_is_loaded() -> None:
     code = (
         f"import sys; sys.path.insert(0, {str(SCRIPTS)!r}); import render\n"
-        "render.build_parser(render.known_choices()); sys.exit('bpy' in sys.modules)"
+        "render.build_parser(render.known()); sys.exit('bpy' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
