@@ -61,11 +61,11 @@ def sunlight_in_water(sun_direction: np.ndarray, n12: float) -> np.ndarray:
 
 def light_axes(direction: np.ndarray) -> np.ndarray:
     """(3, 3) rows: right, up and back of a camera that looks along `direction`."""
-    back = -direction
-    reference = np.array([0.0, 1.0, 0.0]) if abs(back[1]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    right = np.cross(reference, back)
+    x, y, z = back = -direction
+    # Across back and the y axis, or the x axis where back is near that.
+    right = np.array([z, 0.0, -x] if abs(y) < 0.9 else [0.0, -z, y])
     right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(back, right), back])
+    return np.stack([right, _cross(back[None], right[None])[0], back])
 
 
 def window(low: float, high: float, resolution: int) -> tuple[float, float]:

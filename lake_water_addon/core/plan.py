@@ -361,6 +361,7 @@ def _plan_body(
         refraction_view = cameras.flattened_view(whole.view, level, scale)
     refraction_keep = 0 if technique.refraction is RefractionMap.WHOLE else +1
     sunken = extents.below(level + highest)
+    corners = _seen_surface(body, snapshot, at, highest, drawn) if visible else None
     refraction = TexturePass(
         "refraction",
         refraction_view,
@@ -370,7 +371,7 @@ def _plan_body(
         clear_height=level - highest,
         drawn=from_above,
         reason=f"the bottom seen through it: {seen}",
-        region=_refraction_region(body, snapshot, at, highest, drawn, wide @ refraction_view, sunken)
+        region=_refraction_region(corners, body, level + highest, drawn, wide @ refraction_view, sunken)
         if from_above and refraction_keep
         else WHOLE,
     )
@@ -385,13 +386,15 @@ def _plan_body(
         drawn=from_above,
         reason=f"what it mirrors: {seen}",
         # Only those that look it up at U + c R stay near U.
-        region=_reflection_region(body, snapshot, at, highest, drawn, wide @ mirrored)
+        region=_reflection_region(corners, body, level + highest, drawn, wide @ mirrored)
         if from_above and "c" in technique.reads
         else WHOLE,
     )
     under = None
     if side.from_below:
-        under = _plan_under_water(body, snapshot, at, highest, whole, drawn, wide, side, visible, reason)
+        under = _plan_under_water(
+            body, snapshot, at, highest, whole, drawn, wide, side, visible, corners, reason
+        )
     light = None
     is_lit = snapshot.sun is not None and snapshot.sun.direction[2] >= LEAST_SUN
     if (visible or side.from_below) and is_lit and sunken is not None:
@@ -423,16 +426,17 @@ def _plan_under_water(
     wide: np.ndarray,
     side: ViewSide,
     visible: bool,
+    corners: np.ndarray | None,
     reason: str,
 ) -> UnderWater:
-    """The passes of a picture that begins in this body; the surface needs its textures when it is seen."""
+    """The passes of a picture that begins in this body; the surface needs its textures when it is seen.
+
+    corners: of the part that is seen, as `_seen_surface` has them.
+    """
     level = float(at[2])
     mirrored = cameras.mirrored_view(whole.view, level)
     longest = RAY_LENGTH * np.hypot(body.settings.ior, body.settings.ior - 1.0)  # of R1, seen edge on
     reach = np.array(list(product((-longest, longest), repeat=3)))
-    region = (
-        _looked_up_region(body, snapshot, at, highest, drawn, wide @ mirrored, reach) if visible else WHOLE
-    )
     refraction = TexturePass(
         "refraction from below",
         whole.view,
@@ -442,9 +446,7 @@ def _plan_under_water(
         clear_height=level + highest,
         drawn=visible,
         reason=f"what is seen through the surface from below: {reason}",
-        region=_looked_up_region(body, snapshot, at, highest, drawn, wide @ whole.view, reach)
-        if visible
-        else WHOLE,
+        region=_region_around(corners, wide @ whole.view, reach),
     )
     reflection = TexturePass(
         "reflection from below",
@@ -455,7 +457,7 @@ def _plan_under_water(
         clear_height=level - highest,
         drawn=visible,
         reason=f"what the surface mirrors from below: {reason}",
-        region=region,
+        region=_region_around(corners, wide @ mirrored, reach),
     )
     heights = None
     if side.side is Side.SPLIT:
@@ -658,36 +660,21 @@ def _extent(body: WaterBody, snapshot: SceneSnapshot) -> tuple[float, float, flo
 
 
 def _reflection_region(
+    corners: np.ndarray | None,
     body: WaterBody,
-    snapshot: SceneSnapshot,
-    at: np.ndarray,
-    highest: float,
+    top: float,
     camera: Camera,
     to_texture_clip: np.ndarray,
 ) -> tuple[float, float, float, float]:
-    """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R."""
-    if cameras.eye_position(camera.view)[2] < at[2] + highest:
+    """The part of the reflection texture that U + c R can fall into, for any U in the picture and any R.
+
+    corners: as `_seen_surface` has them; top: height of the highest wave.
+    """
+    if cameras.eye_position(camera.view)[2] < top:
         return WHOLE  # the mirrored eye is among the waves: lookups are raised to its horizon
     c = body.settings.c
     reach = np.array([(x, y, z) for x in (-c, c) for y in (-c, c) for z in (min(c, 0.0), max(c, 0.0))])
-    return _looked_up_region(body, snapshot, at, highest, camera, to_texture_clip, reach)
-
-
-def _looked_up_region(
-    body: WaterBody,
-    snapshot: SceneSnapshot,
-    at: np.ndarray,
-    highest: float,
-    camera: Camera,
-    to_texture_clip: np.ndarray,
-    reach: np.ndarray,
-) -> tuple[float, float, float, float]:
-    """The part of a texture that U + r can fall into, for any U in the picture and any r in a box.
-
-    reach: (8, 3) corners of the box.
-    """
-    points = _seen_surface(body, snapshot, at, highest, camera)
-    return WHOLE if points is None else _region_around(points, to_texture_clip, reach)
+    return _region_around(corners, to_texture_clip, reach)
 
 
 def _apparent_depth(camera: Camera, rectangle: np.ndarray, n12: float) -> float:
@@ -712,25 +699,26 @@ def _apparent_depth(camera: Camera, rectangle: np.ndarray, n12: float) -> float:
 
 
 def _refraction_region(
+    corners: np.ndarray | None,
     body: WaterBody,
-    snapshot: SceneSnapshot,
-    at: np.ndarray,
-    highest: float,
+    top: float,
     camera: Camera,
     to_texture_clip: np.ndarray,
     sunken: Bounds | None,
 ) -> tuple[float, float, float, float]:
-    """The part of the refraction texture that the search can look up on its way to the bottom and beyond."""
-    points = _seen_surface(body, snapshot, at, highest, camera)
-    if points is None or sunken is None:
+    """The part of the refraction texture that the search can look up on its way to the bottom and beyond.
+
+    corners: as `_seen_surface` has them; top: height of the highest wave.
+    """
+    if corners is None or sunken is None:
         return WHOLE
-    depth = float(at[2]) + highest - float(sunken[0][2])
-    directions = seen_through(points, camera.view, camera.projection, 1.0 / body.settings.ior)
+    depth = top - float(sunken[0][2])
+    directions = seen_through(corners, camera.view, camera.projection, 1.0 / body.settings.ior)
     length = np.maximum(SEARCH_OVERSHOOT * depth / np.maximum(-directions[:, 2:], 1e-3), SHORTEST_SEARCH)
     along = directions * length
     turned = 0.5 * _greatest_slope(body) * max(SEARCH_OVERSHOOT * depth, SHORTEST_SEARCH)
     box = np.array(list(product((-turned, turned), (-turned, turned), (0.0,))))
-    return _region_around(np.concatenate([points, points + along]), to_texture_clip, box)
+    return _region_around(np.concatenate([corners, corners + along]), to_texture_clip, box)
 
 
 def _greatest_slope(body: WaterBody) -> float:
@@ -754,9 +742,11 @@ def _seen_surface(
 
 
 def _region_around(
-    points: np.ndarray, to_texture_clip: np.ndarray, reach: np.ndarray
+    points: np.ndarray | None, to_texture_clip: np.ndarray, reach: np.ndarray
 ) -> tuple[float, float, float, float]:
-    """The part of a texture that points (n, 3) with a box (m, 3) around each fall into."""
+    """The part of a texture that points (n, 3) with a box (m, 3) around each fall into; all for None."""
+    if points is None:
+        return WHOLE
     clip = cameras.to_clip(to_texture_clip, (points[:, None] + reach).reshape(-1, 3))
     if clip[:, 3].min() <= 1e-6:
         return WHOLE
