@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from .light import box_corners
 from .snapshot import SceneSnapshot
 
 Bounds = tuple[np.ndarray, np.ndarray]
@@ -21,6 +20,7 @@ class Extents:
         self._origin = origin
         self._below: dict[float, Bounds | None] = {}
         self._low, self._high, self._draw = self._boxes()
+        self._first = np.searchsorted(self._draw, np.arange(len(snapshot.draws)))  # instance of each draw
         self.bounds: Bounds | None = None
         if len(self._low):
             self.bounds = self._low.min(axis=0), self._high.max(axis=0)
@@ -51,22 +51,22 @@ class Extents:
         return middle - reach, middle + reach, of_draw
 
     def _find_below(self, height: float) -> Bounds | None:
-        low, high = self._low.copy(), self._high.copy()
-        used = low[:, 2] < height
-        for i in np.nonzero(used)[0]:
+        lowest, highest = np.full(3, np.inf), np.full(3, -np.inf)
+        reaching = np.nonzero(self._low[:, 2] < height)[0]
+        # The lowest first: what reaches far down is the basin, and most others lie within its box.
+        for i in reaching[np.argsort(self._low[reaching, 2])]:
+            low, high = self._low[i], self._high[i]
+            if np.all(low[:2] >= lowest[:2]) and np.all(high[:2] <= highest[:2]):
+                continue
             draw = self._snapshot.draws[self._draw[i]]
-            matrix = draw.matrices[0]
-            if len(draw.matrices) > 1 or matrix[2, :2].any() or matrix[2, 2] <= 0.0:
-                continue
-            # Upright and alone: its own triangles tell more than the box around it.
-            mesh = self._snapshot.meshes[draw.mesh]
-            below = mesh.bounds_below((height + self._origin[2] - matrix[2, 3]) / matrix[2, 2])
+            matrix = draw.matrices[i - self._first[self._draw[i]]].copy()
+            matrix[:3, 3] -= self._origin
+            # Its own triangles tell more than the box around it, of a tree that of its crown.
+            below = self._snapshot.meshes[draw.mesh].bounds_below(matrix, height)
             if below is None:
-                used[i] = False
                 continue
-            corners = box_corners(*below) @ matrix[:3, :3].T + matrix[:3, 3] - self._origin
-            low[i], high[i] = corners.min(axis=0), corners.max(axis=0)
-        if not used.any():
+            low, high = below
+            lowest, highest = np.minimum(lowest, low), np.maximum(highest, high)
+        if np.any(lowest > highest):
             return None
-        top = high[used].max(axis=0)
-        return low[used].min(axis=0), np.append(top[:2], min(top[2], height))
+        return lowest, np.append(highest[:2], min(highest[2], height))

@@ -13,7 +13,7 @@ CAUSTICS_METHODS = {
     "GPU_POINTS": "GPU Points",
     "GPU_COMPUTE": "GPU Compute",
 }
-"""How photons are summed, with the name that a person reads. AUTO is the fastest that the machine supports."""
+"""How photons are summed, with the name that a person reads. AUTO: the fastest on the machine."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -54,23 +55,31 @@ class Mesh:
             return np.full(3, np.nan), np.full(3, np.nan)
         return self.positions.min(axis=0).astype(np.float64), self.positions.max(axis=0).astype(np.float64)
 
-    @cached_property
-    def _layers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Lowest z of each triangle, ascending, and the corners of the boxes around all up to each."""
-        corners = self.positions[np.concatenate([part.triangles for part in self.parts])].astype(np.float64)
-        low, high = corners.min(axis=1), corners.max(axis=1)
-        order = np.argsort(low[:, 2])
-        return (
-            low[order, 2],
-            np.minimum.accumulate(low[order], axis=0),
-            np.maximum.accumulate(high[order], axis=0),
-        )
+    def bounds_below(self, matrix: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """The box around what of the triangles lies below a height, both after `matrix` (4, 4); None when
+        nothing does."""
+        if matrix[2, :2].any() or matrix[2, 2] <= 0.0:
+            return _bounds_below(self._corners @ matrix[:3, :3].T + matrix[:3, 3], height)
+        # Upright: below is the same triangles wherever it stands, so that a moving scene asks once.
+        at = float((height - matrix[2, 3]) / matrix[2, 2])
+        if at not in self._below:
+            self._below[at] = _bounds_below(self._corners, at)
+        if self._below[at] is None:
+            return None
+        low, high = self._below[at]
+        corners = np.array(list(product(*zip(low, high, strict=True)))) @ matrix[:3, :3].T + matrix[:3, 3]
+        return corners.min(axis=0), corners.max(axis=0)
 
-    def bounds_below(self, height: float) -> tuple[np.ndarray, np.ndarray] | None:
-        """The box around all triangles that reach below a height in object space; None when none does."""
-        lowest, low, high = self._layers
-        last = int(np.searchsorted(lowest, height)) - 1
-        return (low[last], high[last]) if last >= 0 else None
+    @property
+    def _corners(self) -> np.ndarray:
+        """(T, 3, 3) float64."""
+        triangles = [part.triangles for part in self.parts] or [np.empty((0, 3), int)]
+        return self.positions[np.concatenate(triangles)].astype(np.float64)
+
+    @cached_property
+    def _below(self) -> dict[float, tuple[np.ndarray, np.ndarray] | None]:
+        """What `bounds_below` has found in object space."""
+        return {}
 
     @cached_property
     def covered_area(self) -> float:
@@ -88,6 +97,23 @@ class Mesh:
         level = np.hypot(n[:, 0], n[:, 1])
         with np.errstate(divide="ignore", invalid="ignore"):
             return float(np.nan_to_num(level / np.abs(n[:, 2]), nan=np.inf, posinf=np.inf).max(initial=0.0))
+
+
+def _bounds_below(corners: np.ndarray, height: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """The box around what of triangles (T, 3, 3) lies below a height; None when nothing does."""
+    sunken = corners[..., 2] < height
+    used = sunken.any(axis=1)
+    if not used.any():
+        return None
+    corners, sunken = corners[used], sunken[used]
+    points = [corners[sunken]]
+    for i in range(3):  # where edges cross the height
+        j = (i + 1) % 3
+        start, end = (corners[sunken[:, i] != sunken[:, j], k] for k in (i, j))
+        part = (height - start[:, 2:]) / (end[:, 2:] - start[:, 2:])
+        points.append(start + part * (end - start))
+    points = np.concatenate(points)
+    return points.min(axis=0), points.max(axis=0)
 
 
 @dataclass(frozen=True, eq=False)
