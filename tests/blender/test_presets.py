@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets: what those that are shipped say, what applying one does, and how a person saves and removes own ones."""
+"""Presets: what those that are shipped say, what applying one does, how a person saves and removes them."""
 
 from __future__ import annotations
 
