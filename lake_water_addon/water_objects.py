@@ -238,6 +238,10 @@ def make_water(obj: bpy.types.Object) -> None:
     settings.surface = surface
     if not settings.waves:
         set_waves(obj, default_waves())
+    for key, technique in TECHNIQUES.items():
+        if technique.settings is not None:
+            # Blender keeps a group from when it is first asked for, and loses overrides of one that it lacks.
+            getattr(settings, key.lower())
     settings.previous_display_type = obj.display_type
     obj.display_type = "WIRE"
     settings.enabled = True

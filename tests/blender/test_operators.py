@@ -420,6 +420,32 @@ def test_settings_are_saved_with_the_file(tmp_path: Path) -> None:
     assert handlers.waters(bpy.context.scene) == [loaded]
 
 
+def test_settings_of_techniques_hold_in_a_library_override(tmp_path: Path) -> None:
+    name = add_water().name
+    lake, user = str(tmp_path / "lake.blend"), str(tmp_path / "user.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=lake)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(lake, link=True) as (_, linked):
+        linked.objects = [name]
+    obj = linked.objects[0].override_create(remap_local_usages=True)
+    bpy.context.scene.collection.objects.link(obj)
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.objects.active = obj
+    values = {
+        "k": 2.0,
+        "pond_bias": 0.75,
+        "ripple_flow_speed": 0.5,
+        "traced_march_steps": 7,
+        "simple_lake_step": 0.5,
+    }
+    bpy.ops.lake_water.set_parameters(**values)
+    bpy.ops.wm.save_as_mainfile(filepath=user)
+    bpy.ops.wm.open_mainfile(filepath=user)
+    obj = next(o for o in bpy.data.objects if o.override_library is not None)
+    held = {name: getattr(*properties.place_of(name, bpy.context.scene, obj)) for name in values}
+    assert held == values
+
+
 def test_every_setting_is_explained() -> None:
     for group in properties.CLASSES:
         for prop in group.bl_rna.properties:
