@@ -48,6 +48,7 @@ def traces() -> dict[str, list[str]]:
         "panels of other engines": [
             name for name, cls in types.items() if "LAKE_WATER" in getattr(cls, "COMPAT_ENGINES", ())
         ],
+        "preset folders": bpy.utils.preset_paths("lake_water"),
         "add-ons": [name for name in bpy.context.preferences.addons.keys() if name == MODULE],
     }
 
