@@ -31,7 +31,7 @@ class FrameSettings:
     use_caustics: bool = True
     caustics_method: str = "AUTO"
     caustics_size: int = 512
-    photon_size: int = 512
+    photon_size: int = 256
     caustics_steps: int = 1
     use_shadows: bool = True
     light_depth_size: int = 1024
