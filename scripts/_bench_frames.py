@@ -122,7 +122,7 @@ class FrameBench:
         self.settings = FrameSettings(
             texture_size=options.texture_size,
             caustics_size=options.caustics_size,
-            photon_size=options.caustics_size,
+            photon_size=options.photon_size,
         )
         self.hosts: dict[str, Host] = {}
         self.depsgraph = bpy.context.evaluated_depsgraph_get()
@@ -198,6 +198,7 @@ def measure_frames(options: argparse.Namespace) -> dict:
                 "resolution": list(options.resolution),
                 "texture_size": options.texture_size,
                 "caustics_size": options.caustics_size,
+                "photon_size": options.photon_size,
                 "repeats": options.repeats,
             },
             "first_frame": {"kind": first, **first_frame},

@@ -60,7 +60,7 @@ def _machine(figures: dict) -> str:
         f"{scene['vertices']:,} vertices in {scene['instances']} instances, "
         f"{scene['draw_calls']} draw calls; "
         f"{width} × {height}, textures of {scene['texture_size']}², caustics of {scene['caustics_size']}² "
-        "texels and as many photons, unless said otherwise; "
+        f"texels and {scene['photon_size']}² photons, unless said otherwise; "
         f"medians of {scene['repeats']} rounds."
     )
 

@@ -38,8 +38,9 @@ def parse_arguments(arguments: list[str] | None = None) -> argparse.Namespace:
     frames.add_argument("--memory-frames", type=count, default=500, help="of the memory test")
     frames.add_argument("--resolution", type=size, default=(640, 480), metavar="WxH")
     frames.add_argument("--texture-size", type=count, default=DEFAULTS.texture_size)
+    frames.add_argument("--caustics-size", type=count, default=DEFAULTS.caustics_size, help="texels a side")
     frames.add_argument(
-        "--caustics-size", type=count, default=DEFAULTS.caustics_size, help="texels, and photons, a side"
+        "--photon-size", type=count, default=DEFAULTS.photon_size, help="photons of caustics a side"
     )
     frames.add_argument("--detail", type=number, default=1.0, help="of the lake; 1 is the thesis's size")
     frames.add_argument("--seed", type=int, default=1)

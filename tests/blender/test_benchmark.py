@@ -13,7 +13,7 @@ import pytest
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "scripts"
 SCRIPT = SCRIPTS / "benchmark.py"
-SIZES = ("--resolution", "64x48", "--texture-size", "64", "--caustics-size", "64")
+SIZES = ("--resolution", "64x48", "--texture-size", "64", "--caustics-size", "64", "--photon-size", "32")
 TINY = ("frames", "--detail", "0.1", *SIZES, "--repeats", "2")
 KINDS = ["scene", "plain", "shadows", "compute-256", "cpu-256", "glow", "split"]
 TECHNIQUES = {"LAKE", "SIMPLE_LAKE", "POND", "RIPPLE", "TRACED"}
