@@ -29,12 +29,12 @@ import lake_water_addon  # noqa: E402 - after the path
 from lake_water_addon.core.techniques import TECHNIQUES  # noqa: E402
 from lake_water_addon.engine import last_render_report, release_final_host  # noqa: E402
 from lake_water_addon.render import shader_library  # noqa: E402
-from lake_water_addon.scenes import LakeScene, animate_dive, build_lake  # noqa: E402
+from lake_water_addon.scenes import LakeScene, build_lake  # noqa: E402
 
 SIZE = (960, 540)
 DETAIL = (320, 180)
 WAVES = 4.0  # times the lake's own
-DIVE_FRAMES = (14, 18, 20, 22, 26, 40)  # the camera crosses the surface at about 20
+DIVE_HEIGHTS = (0.2, 0.08, 0.04, 0.0, -0.06, -0.4)  # m above the calm surface
 REMEDY = {
     "if (beyond > one_texel)": "if (false)",
     "if (mark_inside != 0 && !gl_FrontFacing)": "if (mark_inside == -1)",
@@ -138,7 +138,7 @@ def caustics(lake: LakeScene) -> Image.Image:
 
 
 def shadows(lake: LakeScene) -> Image.Image:
-    return variants(lake, (6.0, -15.0, 4.5), (0.0, 0.0, -0.5), {}, {"use_shadows": False})
+    return variants(lake, (-4.5, -9.5, 4.0), (-9.0, -5.0, -0.3), {}, {"use_shadows": False})
 
 
 def glow(lake: LakeScene) -> Image.Image:
@@ -186,22 +186,15 @@ def water_line_boulder(lake: LakeScene) -> Image.Image:
 
 
 def dive(lake: LakeScene) -> Image.Image:
-    """Six frames of a dive around the crossing, in two rows."""
+    """Six heights of a camera that sinks in front of the sunken floor, in two rows."""
     scene, center = bpy.context.scene, Vector(lake.center)
-    frames = 96
-    animate_dive(
-        scene,
-        lake.camera,
-        place=center + Vector((-7.0, 5.0, 0.0)),
-        target=center + Vector((3.0, -2.0, -0.4)),
-        height=0.6,
-        depth=0.8,
-        frames=frames,
-    )
+    stage = Vector((*lake.stage, center.z))
+    place = stage + 4.5 * (center - stage).normalized()
     small = SIZE[0] * 2 // 3, SIZE[1] * 2 // 3
     pictures = []
-    for frame in DIVE_FRAMES:
-        scene.frame_set(scene.frame_start + frame)
+    for i, height in enumerate(DIVE_HEIGHTS):
+        scene.frame_set(scene.frame_start + i)
+        look(lake.camera, place + Vector((0.0, 0.0, height)), stage + Vector((0.0, 0.0, -0.4)))
         pictures.append(render(scene).resize(small, Image.Resampling.LANCZOS))
     return stacked([beside(pictures[:3]), beside(pictures[3:])])
 
