@@ -233,9 +233,7 @@ def _heights(mesh: Mesh, matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest z (n,) of the mesh's bounding box under each of the matrices (n, 4, 4)."""
     if len(mesh.positions) == 0:
         return matrices[:, 2, 3], matrices[:, 2, 3]
-    if len(mesh.positions) == 0:
-        return np.zeros(len(matrices)), np.zeros(len(matrices))
-    low, high = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
+    low, high = mesh.bounds
     center, half = 0.5 * (low + high), 0.5 * (high - low)
     middle = matrices[:, 2, :3] @ center + matrices[:, 2, 3]
     reach = np.abs(matrices[:, 2, :3]) @ half
