@@ -37,7 +37,7 @@ WAVES = 4.0  # times the lake's own
 DIVE_HEIGHTS = (0.2, 0.08, 0.04, 0.0, -0.06, -0.4)  # m above the calm surface
 REMEDY = {
     "if (beyond > one_texel)": "if (false)",
-    "if (mark_inside != 0 && !gl_FrontFacing)": "if (mark_inside == -1)",
+    "unknown = mark_inside != 0 && !gl_FrontFacing": "unknown = mark_inside == -1",
 }
 
 
