@@ -147,9 +147,17 @@ class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
             if _has_effect(context, name):
                 column.prop(settings, name, text=label)
         column.separator()
-        for name, label in (("q", "Fresnel q"), ("ior", "IOR"), ("c", "Mirror Offset c")):
+        scene = context.scene.lake_water
+        for name, label, replaced in (
+            ("q", "Fresnel q", "use_exact_fresnel"),
+            ("ior", "IOR", ""),
+            ("c", "Mirror Offset c", "reflection_steps"),
+        ):
             if _has_effect(context, name):
-                column.prop(settings, name, text=label)
+                row = column.row()
+                # Dimmed, not locked, where another setting takes its place.
+                row.active = not (replaced and _has_effect(context, replaced) and getattr(scene, replaced))
+                row.prop(settings, name, text=label)
         if not _has_effect(context, "waves"):  # else it is with them
             column.separator()
             column.prop(settings, "surface")
@@ -295,6 +303,10 @@ def draw_render_settings(
         column.separator()
     if parameters.has_effect("intersection_steps", settings.technique):
         column.prop(settings, "intersection_steps", text="Steps")
+    if parameters.has_effect("reflection_steps", settings.technique):
+        column.prop(settings, "reflection_steps", text="Reflection")
+    if parameters.has_effect("use_exact_fresnel", settings.technique):
+        column.column(heading="Fresnel").prop(settings, "use_exact_fresnel", text="Exact")
     column.prop(settings, "texture_size")
     column.prop(settings, "fov_ext", text="FOV Factor")
     column.separator()

@@ -340,6 +340,24 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         soft_max=8,
         **NOTIFY,
     )
+    reflection_steps: IntProperty(
+        name="Reflection Steps",
+        description="Most steps along a reflected ray, through the distances of the reflection texture, "
+        "until it meets what it mirrors. 0 is the thesis's choice: looked up a fixed way along the ray, the "
+        "reflection offset c. 16 is enough for most shores; time grows with it",
+        default=DEFAULTS.reflection_steps,
+        min=0,
+        max=256,
+        soft_max=64,
+        **NOTIFY,
+    )
+    use_exact_fresnel: BoolProperty(
+        name="Exact Fresnel",
+        description="How much the surface reflects by Fresnel's equations. Off: Schlick's approximation with "
+        "the exponent q. Costs next to nothing",
+        default=DEFAULTS.use_exact_fresnel,
+        **NOTIFY,
+    )
     use_caustics: BoolProperty(
         name="Caustics",
         description="Light that the waves focus on the bottom. Off: the sun lights the bottom as through a "

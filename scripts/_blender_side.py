@@ -37,7 +37,8 @@ SUN_SETTINGS = (
     *("use_glow", "glow_strength", "glow_exponent", "glow_threshold"),
 )
 SCENE_SETTINGS = (
-    *("technique", "samples", "fov_ext", "texture_size", "intersection_steps", "use_exact_under_water"),
+    *("technique", "samples", "fov_ext", "texture_size", "intersection_steps"),
+    *("reflection_steps", "use_exact_fresnel", "use_exact_under_water"),
     *SUN_SETTINGS,
 )
 WATER_SETTINGS = ("k", "q", "c", "ior", "water_color", "depth")

@@ -219,6 +219,18 @@ def build_parser(known: Known) -> argparse.ArgumentParser:
         help="of the search for the bottom along a refracted ray",
     )
     add(
+        "--reflection-steps",
+        type=int,
+        metavar="N",
+        help="of the search for what a reflected ray meets; 0 looks up a fixed way c along it",
+    )
+    add(
+        "--exact-fresnel",
+        action=argparse.BooleanOptionalAction,
+        dest="use_exact_fresnel",
+        help="Fresnel's equations in place of Schlick's approximation",
+    )
+    add(
         "--exact-under-water",
         action=argparse.BooleanOptionalAction,
         dest="use_exact_under_water",

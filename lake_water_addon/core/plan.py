@@ -197,6 +197,11 @@ class FramePlan:
     glow: GlowPlan
 
     @property
+    def reflection_depth(self) -> bool:
+        """Whether the reflection texture has distances, too."""
+        return self.technique.reflection_depth or _follows_reflections(self.technique, self.settings)
+
+    @property
     def immersed(self) -> int | None:
         """Index of the body that the picture begins in, wholly or in part."""
         return next((i for i, body in enumerate(self.bodies) if body.under is not None), None)
@@ -286,6 +291,11 @@ def _as_drawn(body: WaterBody, technique: Technique) -> WaterBody:
         # For what knows no colours and no exact Fresnel term, such as photons and the view from under water.
         changed = {**changed, "k": float(np.mean(own.absorption)), "q": SCHLICK}
     return replace(body, settings=replace(body.settings, **changed)) if changed else body
+
+
+def _follows_reflections(technique: Technique, settings: FrameSettings) -> bool:
+    """Whether reflected rays are followed by choice, which takes the place of the offset c."""
+    return "reflection_steps" in technique.reads and settings.reflection_steps > 0
 
 
 def _spectrum(body: WaterBody, sun: Sun | None, technique: Technique) -> Spectrum:
@@ -387,7 +397,7 @@ def _plan_body(
         reason=f"what it mirrors: {seen}",
         # Only those that look it up at U + c R stay near U.
         region=_reflection_region(corners, body, level + highest, drawn, wide @ mirrored)
-        if from_above and "c" in technique.reads
+        if from_above and "c" in technique.reads and not _follows_reflections(technique, settings)
         else WHOLE,
     )
     under = None

@@ -6,11 +6,23 @@ Points and directions are in render space (see `plan`), arrays (n, 3).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from . import cameras, intersection, optics
 from .air_lookup import WaterTextures, in_camera, radiance_through_water, reflected_radiance
+from .depth_trace import TracedTextures, traced_reflection
 from .plan import BodyPlan
+
+
+@dataclass(frozen=True)
+class ReflectionSearch:
+    """How reflected rays are followed, where they are (`depth_trace.Search`)."""
+
+    march_steps: int
+    bisection_steps: int = 6
+    thickness: float = 0.5
 
 
 def refracted_radiance(
@@ -32,12 +44,27 @@ def water_radiance(
     body: BodyPlan,
     steps: int,
     textures: WaterTextures,
+    *,
+    reflection_depth: np.ndarray | None = None,
+    reflection_steps: int = 0,
+    exact_fresnel: bool = False,
 ) -> np.ndarray:
-    """(n, 3) radiance of the water at U seen from E; the normal faces the viewer (`optics.face_viewer`)."""
+    """(n, 3) radiance of the water at U seen from E; the normal faces the viewer (`optics.face_viewer`).
+
+    reflection_depth: (size, size) distances along the axis of the reflection's camera, with reflection_steps.
+    """
     n12 = 1.0 / body.body.settings.ior
     bent, _ = optics.refract_direction(-to_eye, normal, n12)
     refracted = refracted_radiance(surface, bent, body, steps, textures)
-    reflected = reflected_radiance(surface, optics.reflect_upwards(-to_eye, normal), body, textures)
+    mirrored = optics.reflect_upwards(-to_eye, normal)
+    if reflection_steps:
+        traced = TracedTextures(textures, None, reflection_depth)
+        reflected = traced_reflection(surface, mirrored, body, ReflectionSearch(reflection_steps), traced)
+    else:
+        reflected = reflected_radiance(surface, mirrored, body, textures)
     cosine = np.sum(to_eye * normal, axis=-1, keepdims=True)
-    fresnel = optics.schlick(cosine, optics.reflectance_at_normal(n12), body.body.settings.q)
+    if exact_fresnel:
+        fresnel = optics.fresnel_dielectric(cosine, n12)
+    else:
+        fresnel = optics.schlick(cosine, optics.reflectance_at_normal(n12), body.body.settings.q)
     return optics.mix_fresnel(refracted, reflected, fresnel)

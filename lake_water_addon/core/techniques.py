@@ -37,9 +37,9 @@ class Technique:
 
     label: in title case; description: what it models and costs, for a person. reads: settings of the water
     body and the scene that have an effect. settings: the class of those that only this technique has, under
-    `object.lake_water.<key in lower case>`, or None. reflection_depth: the reflection texture has distances,
-    too. spectral: its own setting `absorption` (1/m, RGB) replaces k, and light in the water is followed by
-    colour.
+    `object.lake_water.<key in lower case>`, or None. reflection_depth: the reflection texture always has
+    distances, too. spectral: its own setting `absorption` (1/m, RGB) replaces k, and light in the water is
+    followed by colour.
     """
 
     label: str
@@ -62,7 +62,7 @@ TECHNIQUES: dict[str, Technique] = {
         "Refraction camera turned into the water, several steps of the intersection search, Schlick's "
         "Fresnel term (Mihálik 2008). Draws the scene three times a frame: as seen, refracted and reflected",
         RefractionMap.TURNED,
-        _LAKE | {"intersection_steps"},
+        _LAKE | {"intersection_steps", "reflection_steps", "use_exact_fresnel"},
     ),
     "SIMPLE_LAKE": Technique(
         "Simple Lake",

@@ -1,7 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The Lake technique (Mihalik's thesis, 2008; MODEL section 1), camera in the air. Twin: core/technique_lake.py.
 
+// TRACE_REFLECTIONS: reflected rays are followed, in place of the fixed offset c. EXACT_FRESNEL: Fresnel's equations.
+
 #include "air_lookup_lib.glsl"
+#ifdef TRACE_REFLECTIONS
+#  define MARCH_STEPS int(water.grid_axis.w)
+#  define BISECTION_STEPS 6
+#  define THICKNESS 0.5
+#  include "reflection_trace_lib.glsl"
+#endif
 
 vec3 refracted_radiance(vec3 surface, vec3 direction)
 {
@@ -15,7 +23,16 @@ vec3 refracted_radiance(vec3 surface, vec3 direction)
 vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
 {
   vec3 refracted = refracted_radiance(surface, refract_direction(-to_eye, normal, water.optics.w));
-  vec3 reflected = reflected_radiance(surface, reflect_upwards(-to_eye, normal));
+  vec3 mirrored = reflect_upwards(-to_eye, normal);
+#ifdef TRACE_REFLECTIONS
+  vec3 reflected = traced_reflection(surface, mirrored);
+#else
+  vec3 reflected = reflected_radiance(surface, mirrored);
+#endif
+#ifdef EXACT_FRESNEL
+  float fresnel = fresnel_dielectric(dot(to_eye, normal), water.optics.w);
+#else
   float fresnel = schlick(dot(to_eye, normal), water.fresnel.x, water.optics.y);
+#endif
   return mix_fresnel(refracted, reflected, fresnel);
 }

@@ -32,7 +32,7 @@ struct Water {
   vec4 fresnel; // f, intersection steps, fade at the texture's border, size of the textures
   vec4 color;
   vec4 grid;      // of the grid, or the box around the mesh: half extents x, y; centre x, y; in the water frame
-  vec4 grid_axis; // cos, sin of the heading; z: height of the lowest thing in the water
+  vec4 grid_axis; // cos, sin of the heading; z: height of the lowest thing in the water; w: reflection steps
   mat4 refraction_view;
   mat4 refraction_projection;
   mat4 reflection_view;

@@ -210,7 +210,7 @@ class FrameRenderer:
             textures.draw_reflection(self._geometry, body.reflection, target, in_air, view, water)
 
     def _reflection_target(self, i: int, plan: FramePlan) -> Target:
-        size, linear_depth = plan.settings.texture_size, plan.technique.reflection_depth
+        size, linear_depth = plan.settings.texture_size, plan.reflection_depth
         return textures.reflection_target(self.targets, i, size, linear_depth=linear_depth)
 
     def _draw_textures_from_below(
@@ -268,7 +268,7 @@ class FrameRenderer:
         target = self._scene_depth_target(size)
         with target.framebuffer.bind():
             self.draw_depth(plan, timer, target.framebuffer)
-            self._draw_other_surfaces(plan, SurfaceLook(plan.settings.technique))
+            self._draw_other_surfaces(plan, _look_from_air(plan))
 
     def _scene_depth_target(self, size: tuple[int, int]) -> Target:
         return self.targets.get(("scene depth",), size, ("R32F",))
@@ -296,7 +296,7 @@ class FrameRenderer:
         of the same colours without it, None where the bound one does not have that texture.
         """
         immersed = plan.immersed
-        look = SurfaceLook(plan.settings.technique, view_transform=view_transform)
+        look = replace(_look_from_air(plan), view_transform=view_transform)
         with timer.measure("water", framebuffer):
             self._draw_other_surfaces(plan, look)
         if immersed is None:
@@ -389,6 +389,12 @@ class FrameRenderer:
     ) -> None:
         """Add the star to the bound framebuffer, in display colours with a view transform."""
         self._glow.add(plan, star, view_transform)
+
+
+def _look_from_air(plan: FramePlan) -> SurfaceLook:
+    """The look of a body's surface but for what belongs to the body."""
+    exact = plan.settings.use_exact_fresnel and "use_exact_fresnel" in plan.technique.reads
+    return SurfaceLook(plan.settings.technique, exact_fresnel=exact, reflection_depth=plan.reflection_depth)
 
 
 def _sees_sky(plan: FramePlan) -> bool:

@@ -109,7 +109,7 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
         ),
         _vec4(np.array(settings.water_color), 1.0),
         np.array(body.extent),
-        np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, 0.0]),
+        np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, frame.reflection_steps]),
         looked_up.refraction.view.T,
         looked_up.refraction.projection.T,
         looked_up.reflection.view.T,

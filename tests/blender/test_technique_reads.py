@@ -20,6 +20,7 @@ from lake_water_addon.water_objects import create_water
 CHANGES = {
     **{"k": 3.0, "q": 1.5, "c": 8.0, "ior": 1.9, "water_color": (0.9, 0.1, 0.6), "depth": 0.05},
     **{"fov_ext": 3.0, "texture_size": 32, "intersection_steps": 1},
+    **{"reflection_steps": 16, "use_exact_fresnel": True},
 }
 FROM_UNDER_WATER = {"RIPPLE": {"water_color"}}
 """What a technique reads only for a picture from under water."""

@@ -17,6 +17,7 @@ from lake_water_addon.core import (
     air_lookup,
     cameras,
     caustics,
+    depth_trace,
     glow,
     intersection,
     lighting,
@@ -823,10 +824,14 @@ def linear_filter(values):
     return lookup
 
 
-def lake_case(camera=None, **settings):
+def lake_case(camera=None, reflection_steps=0, **settings):
     """A plan, made-up textures (smooth colours, parts with none, an uneven bottom), and rays to look up."""
     plan = planned(
-        scenes.pond(**settings), camera or scenes.look_at((6, -9, 5), (0, 0, 0)), intersection_steps=3
+        scenes.pond(**settings),
+        camera or scenes.look_at((6, -9, 5), (0, 0, 0)),
+        intersection_steps=3,
+        reflection_steps=reflection_steps,
+        texture_size=128,
     )
     size = 128
     y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
@@ -967,6 +972,33 @@ def test_twin_water_radiance(case):
         results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **gpu_arguments
     )["c"]
     compare_radiance(got, technique_lake.water_radiance(surface, normal, to_eye, plan.bodies[0], 3, textures))
+
+
+@every_lake
+def test_twin_water_radiance_with_followed_reflections_and_exact_fresnel(case):
+    plan, textures, gpu_arguments, surface, normal, to_eye = lake_case(**case, reflection_steps=20)
+    size = 128
+    y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
+    land = 25.0 + 8.0 * np.sin(6 * x + 2) + 3.0 * y
+    land[80:, :] = 1e5  # the sky
+    land[30:70, 60:70] = 14.0
+    land = single(land)
+    arguments = gpu_arguments | {
+        "defines": {"TRACE_REFLECTIONS": "", "EXACT_FRESNEL": ""},
+        "samplers": gpu_arguments["samplers"] | {"reflection_depth": ("FLOAT_2D", data_texture(land))},
+    }
+    got = evaluate(
+        results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **arguments
+    )["c"]
+    (body,) = plan.bodies
+    want, offset = (
+        technique_lake.water_radiance(
+            surface, normal, to_eye, body, 3, textures, reflection_depth=land, **options, exact_fresnel=True
+        )
+        for options in ({"reflection_steps": 20}, {})
+    )
+    compare_radiance(got, want)
+    assert np.mean(np.abs(want - offset) > 1e-3) > 0.01
 
 
 # technique_simple_lake_lib.glsl, screen_lookup_lib.glsl, technique_pond_lib.glsl, technique_ripple_lib.glsl,
@@ -2077,7 +2109,7 @@ def test_twin_whole_coverage(photons, texels):
     compare(got, caustics.whole_coverage(texels, texels / photons), 8 * EPS)
 
 
-# technique_traced_lib.glsl
+# technique_traced_lib.glsl, depth_trace_lib.glsl, reflection_trace_lib.glsl
 
 TRACED_SOURCES = (*WATER_SOURCES[:4], "technique_traced_lib.glsl")
 
@@ -2136,7 +2168,7 @@ def traced_case(camera=None, size=96, **settings):
         eye = cameras.eye_position(plan.camera.view)
         to_eye = single((eye - surface) / np.linalg.norm(eye - surface, axis=1, keepdims=True))
     normal = single(optics.face_viewer(waves.normal(packed, xy), to_eye))
-    textures = technique_traced.TracedTextures(lookups, bottom, land)
+    textures = depth_trace.TracedTextures(lookups, bottom, land)
     return body, own, textures, gpu_arguments, surface, normal, to_eye
 
 
@@ -2160,7 +2192,7 @@ def rays_of(case):
     along[200:800] = unit_vectors(600, 47)  # most of these leave the texture
     end = single(RNG(41).uniform(0.1, 40.0, len(origin)))
     projection = single(planned_pass.projection)
-    ray = technique_traced.texture_ray(origin, along, projection, end, size)
+    ray = depth_trace.texture_ray(origin, along, projection, end, size)
     statement = f"TextureRay ray = texture_ray(o, d, m, e, {size}.0);"
     inputs = {"o": origin, "d": along, "e": end, "m": repeated(projection, len(origin))}
     return ray, statement, inputs, own, textures, gpu_arguments
@@ -2197,7 +2229,7 @@ def test_twin_way_at(case):
         **inputs,
         **gpu_arguments,
     )["t"]
-    want = technique_traced.way_at(ray, part)
+    want = depth_trace.way_at(ray, part)
     compare(got, want, 1e-5, 1e-3)
     # It is the perspective-correct one: the point there projects onto the straight line.
     projection = single(inputs["m"][0])
@@ -2212,7 +2244,7 @@ def test_twin_texel_at(case):
     got = evaluate(
         results={"m": ("float", "texel_at(ray, t)")}, statements=statement, t=way, **inputs, **gpu_arguments
     )["m"]
-    compare(got, technique_traced.texel_at(ray, way), 1e-6, 1e-5)
+    compare(got, depth_trace.texel_at(ray, way), 1e-6, 1e-5)
 
 
 def test_twin_depth_between():
@@ -2228,7 +2260,7 @@ def test_twin_depth_between():
         jump=jump,
         **gpu_arguments,
     )["z"]
-    want = technique_traced.depth_between(textures.refraction_depth, uv, jump)
+    want = depth_trace.depth_between(textures.refraction_depth, uv, jump)
     differs = np.abs(got - want) > 1e-3 * (1.0 + np.abs(want) * 1e-3)
     assert differs.mean() < 0.002  # the border between two texels is rounding
     smooth = linear_filter(textures.refraction_depth[..., None])(uv)[:, 0]
@@ -2247,7 +2279,7 @@ def test_twin_behind(case):
         **inputs,
         **gpu_arguments,
     )["z"]
-    want = technique_traced.behind(textures.refraction_depth, ray, part)
+    want = depth_trace.behind(textures.refraction_depth, ray, part)
     assert np.mean(np.abs(got - want) > 5e-3 * (1.0 + 1e-3 * np.abs(want))) < 0.01
 
 
@@ -2271,7 +2303,7 @@ def test_twin_trace(case):
             **inputs,
             **gpu_arguments,
         )["t"].astype(np.float64)
-        compare_traces(got, technique_traced.trace(textures.refraction_depth, ray, size, own, hidden), size)
+        compare_traces(got, depth_trace.trace(textures.refraction_depth, ray, size, own, hidden), size)
         assert 0.2 < got[:, 3].mean() < 0.999
 
 
@@ -2290,7 +2322,7 @@ def check_trace_through_camera(case, which):
         r=direction,
         **gpu_arguments,
     )["t"].astype(np.float64)
-    twin = getattr(technique_traced, f"trace_{which}")
+    twin = getattr(technique_traced if which == "refraction" else depth_trace, f"trace_{which}")
     compare_traces(got, twin(surface, direction, body, own, depth), len(depth))
 
 
@@ -2321,7 +2353,7 @@ def test_twin_traced_reflection(case):
     got = evaluate(
         results={"c": ("vec3", "traced_reflection(u, r)")}, u=surface, r=direction, **gpu_arguments
     )["c"]
-    compare_radiance(got, technique_traced.traced_reflection(surface, direction, body, own, textures))
+    compare_radiance(got, depth_trace.traced_reflection(surface, direction, body, own, textures))
 
 
 @every_trace

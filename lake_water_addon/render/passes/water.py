@@ -64,7 +64,8 @@ class SurfaceLook:
     """How the surface is drawn. technique: from the air; own: block of the settings that only it has, maps:
     its images by sampler; view_transform: table and range of `core/view_transform.py`, to draw in display
     colours; near_side: where the picture may begin in this body; from_below: seen from the water, exact: by
-    the exact equations.
+    the exact equations. exact_fresnel: Fresnel's equations from the air, too; reflection_depth: there are
+    distances in the reflection texture.
     """
 
     technique: str
@@ -74,6 +75,8 @@ class SurfaceLook:
     near_side: NearSide | None = None
     from_below: bool = False
     exact: bool = False
+    exact_fresnel: bool = False
+    reflection_depth: bool = False
 
     @property
     def split(self) -> bool:
@@ -99,8 +102,11 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
     else:
         samplers.append(("FLOAT_2D", "refraction_depth"))
         chosen = TECHNIQUES[look.technique]
-        if chosen.reflection_depth:
+        if look.reflection_depth:
+            defines["TRACE_REFLECTIONS"] = ""
             samplers.append(("FLOAT_2D", "reflection_depth"))
+        if look.exact_fresnel:
+            defines["EXACT_FRESNEL"] = ""
         if chosen.settings is not None:
             uniform_buffers.append(("Technique", "technique"))
             samplers += [("FLOAT_2D", name) for name in chosen.settings.maps]
@@ -158,7 +164,7 @@ class WaterPainter:
             if not look.from_below:
                 shader.uniform_sampler("refraction_depth", refraction.colors[1])
                 chosen = TECHNIQUES[look.technique]
-                if chosen.reflection_depth:
+                if look.reflection_depth:
                     shader.uniform_sampler("reflection_depth", reflection.colors[1])
                 if chosen.settings is not None:
                     shader.uniform_block("technique", look.own)
