@@ -36,6 +36,9 @@ vec3 radiance_through_water(vec3 u, vec2 uv, float path)
   // Premultiplied: the division takes texels with no colour out of the filter's mean.
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+#ifdef HITS
+  refracted_hit = shown_point(refraction_depth, water.refraction_view, water.refraction_projection, uv, known);
+#endif
   float a = attenuation(water.optics.x, path);
   return through_water(color, water.color.rgb, known * a);
 }
@@ -67,5 +70,8 @@ vec3 reflected_radiance(vec3 surface, vec3 direction)
   }
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+#ifdef HITS
+  reflected_hit = shown_point(reflection_depth, water.reflection_view, water.reflection_projection, uv, known);
+#endif
   return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
 }

@@ -21,6 +21,9 @@ vec3 traced_reflection(vec3 surface, vec3 direction)
   Trace found = trace_reflection(surface, direction);
   vec4 texel = texture(reflection_color, found.uv);
   float known = found.known * clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(found.uv);
+#ifdef HITS
+  reflected_hit = vec4(surface + found.way * direction, 1.0) * step(0.5, known);
+#endif
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
 }

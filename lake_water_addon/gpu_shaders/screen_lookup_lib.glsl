@@ -71,6 +71,12 @@ vec3 radiance_near(sampler2D picture, vec2 at, vec2 own, vec3 substitute)
   vec4 texel = texture(picture, at);
   if (texel.a < LEAST_KNOWN) {
     texel = texture(picture, own);
+#ifdef HITS
+    at = own;
+#endif
   }
+#ifdef HITS
+  looked_up = vec3(at, clamp(4.0 * texel.a, 0.0, 1.0));
+#endif
   return mix(substitute, texel.rgb / max(texel.a, 1e-4), clamp(4.0 * texel.a, 0.0, 1.0));
 }

@@ -17,7 +17,14 @@ vec3 refracted_radiance(vec3 surface, vec3 direction)
   vec3 r = transform_direction(water.refraction_view, direction);
   Intersection found = intersect(u, r, water.refraction_projection, int(water.fresnel.y));
   vec2 uv = to_texture(water.refraction_projection, found.hit);
-  return radiance_through_water(u, uv, distance(found.bottom, u));
+  vec3 radiance = radiance_through_water(u, uv, distance(found.bottom, u));
+#ifdef HITS
+  // W itself, unless nothing is drawn there.
+  if (texture(refraction_color, uv).a >= LEAST_KNOWN) {
+    refracted_hit.xyz = surface + dot(found.hit - u, r) * direction;
+  }
+#endif
+  return radiance;
 }
 
 vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)

@@ -34,6 +34,9 @@ vec3 radiance_from_above(vec3 surface, vec3 direction)
   }
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+#ifdef HITS
+  refracted_hit = shown_point(refraction_depth, water.refraction_view, water.refraction_projection, uv, known);
+#endif
   return known < 1.0 ? mix(sky_radiance(normalize(direction)), color, known) : color;
 }
 
@@ -42,6 +45,10 @@ vec3 radiance_from_below(vec3 surface, vec3 direction)
 {
   vec3 w = transform_point(water.reflection_view, surface + RAY_LENGTH * direction);
   vec2 uv = to_texture(water.reflection_projection, w);
+#ifdef HITS
+  reflected_hit = shown_point(
+      reflection_depth, water.reflection_view, water.reflection_projection, uv, inside_texture(uv));
+#endif
   return mix(water.color.rgb, texture(reflection_color, uv).rgb, inside_texture(uv));
 }
 

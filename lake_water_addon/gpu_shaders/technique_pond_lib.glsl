@@ -101,9 +101,17 @@ vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
   vec2 own = screen_coordinate(surface);
   vec2 at = own + pond_lookup_shift(ripple, own);
   vec3 refracted = radiance_near(refraction_color, at, own, water.color.rgb);
+#ifdef HITS
+  refracted_hit = shown_point(
+      refraction_depth, water.refraction_view, water.refraction_projection, looked_up.xy, looked_up.z);
+#endif
   refracted = mix(refracted, water.color.rgb, POND_IMPURITY);
   vec3 mirrored_sky = sky_radiance(reflect_upwards(-to_eye, n));
   vec3 reflected = radiance_near(reflection_color, under_horizon(at), own, mirrored_sky);
+#ifdef HITS
+  reflected_hit = shown_point(
+      reflection_depth, water.reflection_view, water.reflection_projection, looked_up.xy, looked_up.z);
+#endif
 
   float bias = pond_refraction_bias(water_below(surface).x, viewing_distance(surface), grey);
   float w = pond_refraction_weight(dot(n, to_eye), bias);

@@ -50,9 +50,17 @@ vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
   vec2 below = water_below(surface);
   vec2 own = screen_coordinate(surface);
   vec3 refracted = radiance_near(refraction_color, own + RIPPLE_REFRACTION_DISTORTION * d, own, vec3(0.0));
+#ifdef HITS
+  refracted_hit = shown_point(
+      refraction_depth, water.refraction_view, water.refraction_projection, looked_up.xy, looked_up.z);
+#endif
   vec3 sky = sky_radiance(reflect_upwards(-to_eye, tilted));
   vec2 mirrored = under_horizon(own + RIPPLE_REFLECTION_DISTORTION * d);
   vec3 reflected = radiance_near(reflection_color, mirrored, own, sky);
+#ifdef HITS
+  reflected_hit = shown_point(
+      reflection_depth, water.reflection_view, water.reflection_projection, looked_up.xy, looked_up.z);
+#endif
   float alpha = ripple_opacity(viewing_distance(surface), dot(to_eye, tilted), below.x);
   return mix(ripple_brightness(below.x, below.y) * refracted, reflected, alpha);
 }

@@ -31,6 +31,9 @@ vec3 traced_refraction(vec3 surface, vec3 direction)
   Trace found = trace_refraction(surface, direction);
   vec4 texel = texture(refraction_color, found.uv);
   float known = found.known * clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(found.uv);
+#ifdef HITS
+  refracted_hit = vec4(surface + found.way * direction, 1.0) * step(0.5, known);
+#endif
   // Radiance falls by n^2 where rays leave the water and spread.
   vec3 color = texel.rgb / max(texel.a, 1e-4) * (water.optics.w * water.optics.w);
   vec3 left = known * exp(-ABSORPTION * found.way);

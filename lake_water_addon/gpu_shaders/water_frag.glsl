@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The water's surface. TECHNIQUE names the file that turns a surface point into radiance, seen from the air or
-// FROM_BELOW. With SPLIT only the pixels that begin on that side are drawn.
+// FROM_BELOW. With SPLIT only the pixels that begin on that side are drawn. With HITS it tells where it looked, too.
 
 #include "camera_lib.glsl"
 #include "waves_lib.glsl"
@@ -9,6 +9,9 @@
 #ifdef SPLIT
 #  include "fog_lib.glsl"
 #  include "near_side_lib.glsl"
+#endif
+#ifdef HITS
+#  include "hits_lib.glsl"
 #endif
 #include TECHNIQUE
 #ifdef DISPLAY_REFERRED
@@ -42,4 +45,9 @@ void main()
   radiance = view_transform(radiance);
 #endif
   out_color = vec4(radiance, 1.0);
+#ifdef HITS
+  out_surface = vec4(v_position, body_number);
+  out_refracted = refracted_hit;
+  out_reflected = reflected_hit;
+#endif
 }

@@ -17,7 +17,7 @@ from ..core.plan import FramePlan
 from ..core.under_water import Side, meniscus_width
 from . import uniforms
 from .map_textures import MapTextures
-from .passes import light, textures
+from .passes import hits, light, textures
 from .passes.accumulate import SampleMean
 from .passes.caustics import CausticsPainter
 from .passes.fog import FogPainter, heights_target
@@ -100,6 +100,7 @@ class FrameRenderer:
         bodies = len(plan.snapshot.waters)
         for gone in range(bodies, self._bodies):
             textures.free_targets(self.targets, gone)
+            hits.free_targets(self.targets, gone)
             self.targets.discard(("surface heights", gone))
             light.free_targets(self.targets, gone)
             self._caustics.free(gone)
@@ -344,6 +345,12 @@ class FrameRenderer:
                     own=self._block("technique", i).update(uniforms.technique(own, plan)),
                     maps=self._maps.of(own, images),
                 )
+        if look.hit_number:
+            if look.from_below:
+                refraction = hits.texture_target(self.targets, "refraction from below", i, size)
+                reflection = hits.texture_target(self.targets, "reflection from below", i, size)
+            elif not plan.reflection_depth:
+                reflection = hits.texture_target(self.targets, "reflection", i, size)
         self._water.draw(look, body, plan.origin, lights, view, water, refraction, reflection)
 
     def draw_picture(
@@ -374,6 +381,44 @@ class FrameRenderer:
                 star = self.draw_star(plan, target.depth, in_air.shadow_depth)
                 with target.framebuffer.bind():
                     self.add_glow(plan, star)
+
+    def draw_hits(self, plan: FramePlan, size: tuple[int, int], timer: PassTimer | None = None) -> hits.Hits:
+        """Where the water's pixels look in a picture of `size`, (width, height)."""
+        timer = timer or PassTimer()
+        plan = hits.without_light(plan)
+        in_air, _ = self.draw_textures(plan, timer)
+        self._draw_hit_textures(plan, timer, in_air)
+        target = hits.hits_target(self.targets, size)
+        with target.framebuffer.bind(), timer.measure("hits", target.framebuffer):
+            target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+            self.draw_depth(plan, timer, target.framebuffer)
+            for i, body in enumerate(plan.bodies):
+                look = replace(_look_from_air(plan), hit_number=i + 1)
+                if body.under is not None:
+                    look = replace(look, near_side=self.near_side(plan, i))
+                if body.refraction.drawn:
+                    self._draw_surface(i, plan, look)
+                if body.under is not None and body.under.refraction.drawn:
+                    exact = plan.settings.use_exact_under_water
+                    self._draw_surface(i, plan, replace(look, from_below=True, exact=exact))
+        return hits.read(target)
+
+    def _draw_hit_textures(self, plan: FramePlan, timer: PassTimer, look: SceneLook) -> None:
+        """Once more those textures that have no distances for a picture. How they are lit does not matter."""
+        for i, body in enumerate(plan.bodies):
+            passes = []
+            if body.refraction.drawn and not plan.reflection_depth:
+                passes.append(("reflection", body.reflection, textures.draw_reflection))
+            if body.under is not None and body.under.refraction.drawn:
+                passes += [
+                    ("refraction from below", body.under.refraction, textures.draw_reflection),
+                    ("reflection from below", body.under.reflection, textures.draw_reflection_from_below),
+                ]
+            for name, planned, draw in passes:
+                target = hits.texture_target(self.targets, name, i, plan.settings.texture_size)
+                view = self._block(name, i).update(*uniforms.texture_view(planned))
+                with timer.measure("hits", target.framebuffer):
+                    draw(self._geometry, planned, target, look, view, self._water_of(plan, i))
 
     def draw_star(
         self, plan: FramePlan, depth: GPUTexture, shadow_depth: GPUTexture | None = None

@@ -97,10 +97,13 @@ def draw_reflection_from_below(
     water: GPUUniformBuf,
 ) -> None:
     """What lies below the surface, from the mirrored camera, without the fog that is to come over it."""
+    linear_depth = len(target.colors) > 1
     with target.framebuffer.bind():
         target.framebuffer.clear(color=(0.0, 0.0, 0.0, 0.0), depth=1.0)
+        if linear_depth:
+            target.colors[1].clear(format="FLOAT", value=(NO_BOTTOM,))
         with drawn_region(planned.region, target.size):
-            painter.draw_scene(look, view, side=planned, water=water)
+            painter.draw_scene(look, view, side=planned, water=water, linear_depth=linear_depth)
 
 
 def draw_whole_refraction(

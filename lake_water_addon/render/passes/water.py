@@ -49,6 +49,9 @@ def surface_interface(
 FROM_BELOW = "lake_under"
 """The technique of the surface seen from under water, whatever the one from the air is."""
 
+HIT_DEPTHS = ("refraction_depth", "reflection_depth")
+"""Samplers that the hits pass always has."""
+
 
 @dataclass(frozen=True, eq=False)
 class NearSide:
@@ -65,7 +68,8 @@ class SurfaceLook:
     its images by sampler; view_transform: table and range of `core/view_transform.py`, to draw in display
     colours; near_side: where the picture may begin in this body; from_below: seen from the water, exact: by
     the exact equations. exact_fresnel: Fresnel's equations from the air, too; reflection_depth: there are
-    distances in the reflection texture.
+    distances in the reflection texture. hit_number: of the body, for the hits pass (see `passes/hits.py`), where
+    all textures have distances; 0 for a picture.
     """
 
     technique: str
@@ -77,6 +81,7 @@ class SurfaceLook:
     exact: bool = False
     exact_fresnel: bool = False
     reflection_depth: bool = False
+    hit_number: int = 0
 
     @property
     def split(self) -> bool:
@@ -110,6 +115,13 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
         if chosen.settings is not None:
             uniform_buffers.append(("Technique", "technique"))
             samplers += [("FLOAT_2D", name) for name in chosen.settings.maps]
+    outputs = [("VEC4", "out_color")]
+    if look.hit_number:
+        defines["HITS"] = ""
+        outputs += [("VEC4", name) for name in ("out_surface", "out_refracted", "out_reflected")]
+        given = {name for _, name in samplers}
+        samplers += [("FLOAT_2D", name) for name in HIT_DEPTHS if name not in given]
+        push_constants.append(("FLOAT", "body_number"))
     if look.split:
         defines["SPLIT"] = ""
         samplers.append(("FLOAT_2D", "surface_heights"))
@@ -123,6 +135,7 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
         name="water",
         fragment="water_frag.glsl",
         **surface,
+        outputs=tuple(outputs),
         uniform_buffers=tuple(uniform_buffers),
         samplers=tuple(samplers),
         push_constants=tuple(push_constants),
@@ -170,6 +183,10 @@ class WaterPainter:
                     shader.uniform_block("technique", look.own)
                     for name, texture in look.maps.items():
                         shader.uniform_sampler(name, texture)
+            if look.hit_number:
+                shader.uniform_float("body_number", look.hit_number)
+                for name, looked_up in zip(HIT_DEPTHS, (refraction, reflection), strict=True):
+                    shader.uniform_sampler(name, looked_up.colors[1])
             if look.split:
                 shader.uniform_block("near_plane", look.near_side.near_plane)
                 shader.uniform_sampler("surface_heights", look.near_side.heights)
