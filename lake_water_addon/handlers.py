@@ -27,12 +27,14 @@ class Listener:
     loaded: another file is open, drop everything that belongs to the old one.
     undone: an undo or redo step; data-blocks may have gone, come back or moved in memory.
     updated: the depsgraph of a scene with water changed. frame_changed: such a scene's frame changed.
+    calibrated: `scene.lake_water.calibration` is another.
     """
 
     loaded: Callable[[], None] | None = None
     undone: Callable[[], None] | None = None
     updated: SceneCallback | None = None
     frame_changed: SceneCallback | None = None
+    calibrated: Callable[[bpy.types.Scene], None] | None = None
 
 
 @dataclass
@@ -88,6 +90,12 @@ def publish_statistics(lines: Sequence[str]) -> None:
 def statistics() -> tuple[str, ...]:
     """The lines published last."""
     return _state.statistics if _state is not None else ()
+
+
+def notify_calibrated(scene: bpy.types.Scene) -> None:
+    """Tell all listeners that the scene has another calibration."""
+    for listener in tuple(_require_state().listeners):
+        _call(listener.calibrated, scene)
 
 
 def _call(callback: Callable[..., None] | None, *args: object) -> None:

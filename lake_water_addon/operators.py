@@ -422,7 +422,7 @@ class LAKE_WATER_OT_reset_parameters(_ObjectModeOperator, bpy.types.Operator):
             return self.refuse(error)
         for obj in targets:
             water_objects.reset_water(obj)
-        water_objects.reset_settings(context.scene.lake_water, keep=SCENE_DISPLAY)
+        water_objects.reset_settings(context.scene.lake_water, keep=(*SCENE_DISPLAY, "calibration"))
         return {"FINISHED"}
 
 

@@ -21,6 +21,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from . import calibration_properties
 from .core import parameters
 from .core.settings import CAUSTICS_METHODS, DEFAULTS
 from .core.technique_settings import TechniqueSettings, map_label
@@ -508,9 +509,20 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         default=False,
         **NOTIFY,
     )
+    calibration: PointerProperty(
+        type=calibration_properties.LakeWaterCalibration,
+        name="Calibration",
+        description="What each setting costs and what error it leaves, measured on this scene",
+    )
 
 
-CLASSES = (LakeWaterWave, *TECHNIQUE_GROUPS.values(), LakeWaterObjectSettings, LakeWaterSceneSettings)
+CLASSES = (
+    LakeWaterWave,
+    *TECHNIQUE_GROUPS.values(),
+    LakeWaterObjectSettings,
+    *calibration_properties.CLASSES,
+    LakeWaterSceneSettings,
+)
 
 
 def place_of(name: str, scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[bpy.types.PropertyGroup, str]:
