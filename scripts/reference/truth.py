@@ -7,15 +7,19 @@ is followed once, as the techniques do. Points are in render space (see `lake_wa
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lake_water_addon.core import cameras, optics
+from lake_water_addon.core import optics
+from lake_water_addon.core.hits import HitErrors, reflection_errors, refraction_errors
+from lake_water_addon.core.plan import FramePlan
 from lake_water_addon.core.snapshot import Camera
 
 from .tracer import AIR, Meeting, Rays, Reference
+
+if TYPE_CHECKING:  # which needs a GPU
+    from lake_water_addon.render.passes.hits import Hits
 
 
 class RayEnds(NamedTuple):
@@ -50,18 +54,12 @@ class TrueHits(NamedTuple):
         return self.body >= 0
 
 
-class HitErrors(NamedTuple):
-    """distance: (h, w) |W - W*| in m, NaN where one of the two is missing; texels: (h, w) that in a texture.
+class TechniqueErrors(NamedTuple):
+    """refracted, reflected: errors of (h, w) pixels; mask: (h, w) those that count."""
 
-    missed: share of the true hits that were not found; false: share of the pixels without one that were given
-    one; beyond: share of the pairs that lie more than a texel apart. NaN for a share of nothing.
-    """
-
-    distance: np.ndarray
-    texels: np.ndarray
-    missed: float
-    false: float
-    beyond: float
+    refracted: HitErrors
+    reflected: HitErrors
+    mask: np.ndarray
 
 
 def true_hits(
@@ -126,41 +124,17 @@ def _followed(reference: Reference, rays: Rays, met: Meeting, refracts: bool) ->
     return followed._replace(origin=place[which], direction=direction, medium=medium[which]), which
 
 
-def hit_errors(
-    true: np.ndarray,
-    given: np.ndarray,
-    mask: np.ndarray,
-    to_texels: Callable[[np.ndarray], np.ndarray],
-) -> HitErrors:
-    """How far the points that a technique gives, (h, w, 3), are from the true ones, NaN where there is none.
-
-    mask: (h, w) the pixels that count. to_texels: points (n, 3) -> places (n, 2) in the technique's texture,
-    in texels: for a texture pass its camera's projection times the texture's size (see `texture_places`).
-    """
-    exists, found = np.isfinite(true).all(axis=-1), np.isfinite(given).all(axis=-1)
-    both = mask & exists & found
-    distance, texels = np.full(mask.shape, np.nan), np.full(mask.shape, np.nan)
-    distance[both] = np.linalg.norm(given[both] - true[both], axis=-1)
-    texels[both] = np.linalg.norm(to_texels(given[both]) - to_texels(true[both]), axis=-1)
-    return HitErrors(
-        distance,
-        texels,
-        missed=_share(~found, mask & exists),
-        false=_share(found, mask & ~exists),
-        beyond=_share(texels > 1.0, both),
+def technique_errors(plan: FramePlan, hits: Hits, true: TrueHits, i: int = 0) -> TechniqueErrors:
+    """How far off the hits pass of a plan is, of body `i` from the side that most of its pixels show."""
+    height, width = true.body.shape
+    shown = (true.body == i) & (hits.surface[..., 3] == i + 1)
+    from_air = bool(true.from_air[shown].mean() >= 0.5) if shown.any() else True
+    mask = shown & (true.from_air == from_air)
+    refracted, reflected = (
+        measure(plan, i, (width, height), given, ends.point, mask, from_below=not from_air)
+        for measure, given, ends in (
+            (refraction_errors, hits.refracted, true.refracted),
+            (reflection_errors, hits.reflected, true.reflected),
+        )
     )
-
-
-def _share(of: np.ndarray, among: np.ndarray) -> float:
-    return float(of[among].mean()) if among.any() else float("nan")
-
-
-def texture_places(
-    view: np.ndarray, projection: np.ndarray, texels: int
-) -> Callable[[np.ndarray], np.ndarray]:
-    """`to_texels` of a texture pass with these cameras (4, 4), `texels` a side."""
-
-    def places(points: np.ndarray) -> np.ndarray:
-        return cameras.to_texture(projection, points @ view[:3, :3].T + view[:3, 3]) * texels
-
-    return places
+    return TechniqueErrors(refracted, reflected, mask)

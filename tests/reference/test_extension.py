@@ -6,11 +6,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lake_water_addon.core.intersection import intersect
 from lake_water_addon.core.waves import SineWave
 from scripts.reference.measures import caustics_error, picture_error
 from scripts.reference.tracer import Reference
-from scripts.reference.truth import hit_errors, texture_places, true_hits
+from scripts.reference.truth import technique_errors, true_hits
 from tests.gpu import pictures, scenes
 from tests.gpu.glsl import read_texture
 
@@ -58,32 +57,60 @@ def test_caustics(renderer, camera):
     assert caustics_error(counted, given, lit).energy == pytest.approx(1.0, abs=5e-3)
 
 
+def drawn_errors(renderer, reference, camera, **options):
+    """What the hits pass gives, against the true hits."""
+    plan = pictures.planned(reference.snapshot, camera, **options)
+    hits = renderer.draw_hits(plan, SIZE)
+    return technique_errors(plan, hits, true_hits(reference, camera, SIZE))
+
+
 def test_more_steps_come_nearer_to_the_true_hits(renderer, camera):
-    """The intersection algorithm's answers, by its twin on the textures that the GPU drew."""
-    scene = scenes.pond(waves=RIPPLES)
-    hits = true_hits(Reference(scene), camera, SIZE)
-    plan, _, depth, _ = pictures.draw_textures(renderer, scene, camera, texture_size=512)
-    refraction = plan.bodies[0].refraction
-    view, projection = refraction.view, refraction.projection
-    water = hits.water & np.isfinite(hits.refracted.distance)
-    surface = hits.surface[water] @ view[:3, :3].T + view[:3, 3]
-    direction = hits.refracted.direction[water] @ view[:3, :3].T
-
-    def look_up(uv):
-        at = np.clip((uv * len(depth)).astype(int), 0, len(depth) - 1)
-        return depth[at[:, 1], at[:, 0]]
-
-    def errors(steps):
-        found = intersect(surface, direction, look_up, projection, steps)
-        given = np.full(hits.surface.shape, np.nan)
-        given[water] = (found.hit - view[:3, 3]) @ view[:3, :3]
-        return hit_errors(hits.refracted.point, given, water, texture_places(view, projection, len(depth)))
-
-    few, many = errors(2), errors(8)
+    reference = Reference(scenes.pond(waves=RIPPLES))
+    few, many = (
+        drawn_errors(renderer, reference, camera, texture_size=512, intersection_steps=steps).refracted
+        for steps in (2, 8)
+    )
     assert np.nanmedian(many.distance) < 0.02
     assert np.nanmedian(many.distance) < 0.2 * np.nanmedian(few.distance)
+    assert np.nanmedian(many.pixels) < np.nanmedian(few.pixels)
     assert many.beyond < few.beyond
     assert many.missed == 0.0
+
+
+def test_three_steps_of_lake(renderer, camera):
+    """Half of the pixels within 2 % of the water that their ray passes."""
+    reference = Reference(scenes.pond(waves=RIPPLES))
+    true = true_hits(reference, camera, SIZE)
+    errors = drawn_errors(renderer, reference, camera, texture_size=1024)
+    part = errors.refracted.distance / true.refracted.distance
+    assert errors.mask.sum() > 3000
+    assert np.nanmedian(part) < 0.02
+
+
+def test_techniques_in_the_order_of_their_error(renderer, camera):
+    """A ray that is followed finds its place; what is seen straight and shifted does not."""
+    reference = Reference(scenes.pond(waves=RIPPLES))
+    found = {
+        technique: drawn_errors(renderer, reference, camera, technique=technique, texture_size=1024)
+        for technique in ("TRACED", "LAKE", "SIMPLE_LAKE", "POND", "RIPPLE")
+    }
+    refracted = {name: np.nanmedian(errors.refracted.distance) for name, errors in found.items()}
+    assert refracted["TRACED"] < refracted["LAKE"] < refracted["SIMPLE_LAKE"]
+    assert refracted["SIMPLE_LAKE"] < min(refracted["POND"], refracted["RIPPLE"])
+    assert found["TRACED"].refracted.beyond < 0.02
+    reflected = {name: np.nanmedian(errors.reflected.distance) for name, errors in found.items()}
+    assert reflected["TRACED"] < 0.1 * reflected["LAKE"]
+    assert found["TRACED"].reflected.missed < 0.2
+    assert found["TRACED"].reflected.false < 0.2
+
+
+def test_reflections_that_are_followed(renderer, camera):
+    reference = Reference(scenes.pond(waves=RIPPLES))
+    fixed, followed = (
+        drawn_errors(renderer, reference, camera, texture_size=1024, reflection_steps=steps).reflected
+        for steps in (0, 64)
+    )
+    assert np.nanmedian(followed.distance) < 0.1 * np.nanmedian(fixed.distance)
 
 
 def test_coarse_settings_are_worse(renderer, camera):

@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lake_water_addon.core.hits import hit_errors, texture_places
 from scripts.reference.tracer import Reference
-from scripts.reference.truth import hit_errors, texture_places, true_hits
+from scripts.reference.truth import true_hits
 from tests.gpu import scenes
 
 SIZE = (32, 24)
@@ -81,15 +82,24 @@ def test_errors_of_given_places():
     given[1, 1] = (0, 0, 0)  # nothing there
     given[1, 2] = (9, 9, 9)  # not asked
     mask = np.array([[True] * 3, [True, True, False]])
-    errors = hit_errors(true, given, mask, lambda points: points[:, 1:] * 10.0)
+    errors = hit_errors(
+        true,
+        given,
+        mask,
+        lambda points: points[:, 1:] * 10.0,
+        lambda points: points[:, ::2] * 20.0,
+        3.0,
+        21.0,
+    )
     np.testing.assert_allclose(errors.distance, [[0.0, 0.5, 4.0], [np.nan] * 3])
     np.testing.assert_allclose(errors.texels, [[0.0, 5.0, 40.0], [np.nan] * 3])
+    np.testing.assert_allclose(errors.pixels, [[1.5, 9.5, 21.0], [np.nan] * 3])
     assert (errors.missed, errors.false) == (0.25, 1.0)
     assert errors.beyond == pytest.approx(2.0 / 3.0)
 
 
 def test_places_in_a_texture():
     camera = scenes.look_at((0.0, -10.0, 0.0), (0.0, 0.0, 0.0), (1, 1), fov=np.pi / 2.0)
-    places = texture_places(camera.view, camera.projection, 100)
+    places = texture_places(camera.view, camera.projection, (100, 50))
     found = places(np.array([[0.0, 0.0, 0.0], [5.0, 0.0, -10.0]]))
-    np.testing.assert_allclose(found, [[50.0, 50.0], [75.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(found, [[50.0, 25.0], [75.0, 0.0]], atol=1e-9)

@@ -22,8 +22,8 @@ TEXTURES = ("reflection", "refraction from below", "reflection from below")
 class Hits(NamedTuple):
     """(h, w, 4) float32, first row at the bottom, xyz in render space and zero where there is nothing.
 
-    surface: U of the triangles that are drawn, and the number of the body, counted from 1; refracted, reflected:
-    W, and 1. Of a search, W is where the ray is in the end; else the point that is shown.
+    surface: U of the triangles that are drawn, and the number of the body, counted from 1; refracted,
+    reflected: W, and 1. Of a search, W is where the ray is in the end; else the point that is shown.
     """
 
     surface: np.ndarray

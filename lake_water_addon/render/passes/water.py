@@ -68,8 +68,8 @@ class SurfaceLook:
     its images by sampler; view_transform: table and range of `core/view_transform.py`, to draw in display
     colours; near_side: where the picture may begin in this body; from_below: seen from the water, exact: by
     the exact equations. exact_fresnel: Fresnel's equations from the air, too; reflection_depth: there are
-    distances in the reflection texture. hit_number: of the body, for the hits pass (see `passes/hits.py`), where
-    all textures have distances; 0 for a picture.
+    distances in the reflection texture. hit_number: of the body, for the hits pass (see `passes/hits.py`),
+    where all textures have distances; 0 for a picture.
     """
 
     technique: str
