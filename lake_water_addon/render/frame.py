@@ -171,6 +171,10 @@ class FrameRenderer:
                 )
         return SunInWater(water, water_light, light_depth, caustics.colors[0] if caustics else None)
 
+    def caustics_texture(self, i: int, size: int) -> GPUTexture:
+        """The sunlight in the water of body `i` as it was drawn last, `size` texels a side."""
+        return self._caustics.target(i, size).colors[0]
+
     def draw_textures(self, plan: FramePlan, timer: PassTimer) -> tuple[SceneLook, SceneLook | None]:
         """The textures of each water body that is in the picture, and those of the sun's light before.
 
