@@ -301,6 +301,8 @@ def draw_render_settings(
     if with_technique:
         column.prop(settings, "technique")
         column.separator()
+    column.prop(settings, "quality")
+    column.separator()
     if parameters.has_effect("intersection_steps", settings.technique):
         column.prop(settings, "intersection_steps", text="Steps")
     if parameters.has_effect("reflection_steps", settings.technique):

@@ -22,7 +22,7 @@ from bpy.props import (
 )
 
 from . import calibration_properties
-from .core import parameters
+from .core import parameters, quality
 from .core.settings import CAUSTICS_METHODS, DEFAULTS
 from .core.technique_settings import TechniqueSettings, map_label
 from .core.techniques import TECHNIQUES
@@ -307,6 +307,31 @@ for _name, _group in TECHNIQUE_GROUPS.items():
     )
 
 
+QUALITY_ITEMS = [
+    *((key, q.label, q.description, number) for number, (key, q) in enumerate(quality.QUALITIES.items())),
+    (quality.CUSTOM, "Custom", "The settings are those of no quality", len(quality.QUALITIES)),
+]
+QUALITY_KEYS = [key for key, *_ in QUALITY_ITEMS]
+
+
+def longer_side(scene: bpy.types.Scene) -> int:
+    """Pixels of the longer side of the scene's picture, as Blender rounds them."""
+    render = scene.render
+    return max(render.resolution_x, render.resolution_y) * render.resolution_percentage // 100
+
+
+def _get_quality(self: "LakeWaterSceneSettings") -> int:
+    return QUALITY_KEYS.index(quality.quality_of(self, longer_side(self.id_data)))
+
+
+def _set_quality(self: "LakeWaterSceneSettings", number: int) -> None:
+    if QUALITY_KEYS[number] == quality.CUSTOM:
+        return
+    values = quality.quality_settings(QUALITY_KEYS[number], longer_side(self.id_data))
+    for name, value in values.items():
+        setattr(self, name, value)
+
+
 class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     """Settings of the picture, on the scene."""
 
@@ -316,6 +341,15 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         items=[(key, t.label, t.description) for key, t in TECHNIQUES.items()],
         default=DEFAULTS.technique,
         **NOTIFY,
+    )
+    quality: EnumProperty(
+        name="Quality",
+        description="How exactly the water is computed: sets sizes, steps and samples below, for the size of "
+        "the scene's picture. Technique, water and light stay as they are",
+        items=QUALITY_ITEMS,
+        get=_get_quality,
+        set=_set_quality,
+        options={"SKIP_SAVE"},
     )
     fov_ext: FloatProperty(**FOV_EXT, **NOTIFY)
     texture_size: IntProperty(
