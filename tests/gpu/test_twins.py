@@ -19,6 +19,7 @@ from lake_water_addon.core import (
     caustics,
     depth_trace,
     glow,
+    hits,
     intersection,
     lighting,
     lookup,
@@ -2363,3 +2364,45 @@ def test_twin_water_radiance_traced(case):
         results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **gpu_arguments
     )["c"]
     compare_radiance(got, technique_traced.water_radiance(surface, normal, to_eye, body, own, textures))
+
+
+# hits_lib.glsl
+
+HIT_VIEWS = {
+    "rigid": scenes.look_at((6, -9, 5), (0, 0, 0)).view,
+    "mirrored": cameras.mirrored_view(scenes.look_at((6, -9, 5), (0, 0, 0)).view, 0.3),
+    "flattened": cameras.flattened_view(scenes.look_at((6, -9, 5), (0, 0, 0)).view, 0.3, 0.6),
+}
+
+
+@every_projection
+@pytest.mark.parametrize("view", HIT_VIEWS.values(), ids=HIT_VIEWS)
+def test_twin_shown_point(view, projection):
+    """Also where nothing is known, or nothing drawn. Relative to the way from the camera, 64 EPS."""
+    view, projection = single(view), single(projection)
+    depth = single(RNG(60).uniform(0.5, 40.0, (48, 64)))
+    depth[10:20, 10:30], depth[30:40, 10:30] = 0.0, 1e5
+    uv, known = single(RNG(61).uniform(0.02, 0.98, (3000, 2))), single(RNG(62).uniform(0.0, 1.0, 3000))
+    texel = uv * (64, 48) % 1.0
+    uv = uv[np.all(np.abs(texel - 0.5) < 0.49, axis=1)]  # the border between two texels is rounding
+    known = known[: len(uv)]
+    statements = "vec4 p = shown_point(depths, v, m, uv, known);"
+    got = evaluate(
+        ["camera_lib.glsl", "hits_lib.glsl"],
+        {"p": ("vec4", "p")},
+        statements=statements,
+        samplers={"depths": ("FLOAT_2D", data_texture(depth))},
+        v=repeated(view, len(uv)),
+        m=repeated(projection, len(uv)),
+        uv=uv,
+        known=known,
+    )["p"]
+    want = hits.shown_point(depth, view, projection, uv, known)
+    there = want[:, 3] == 1.0
+    assert 0.2 < there.mean() < 0.8
+    np.testing.assert_array_equal(got[:, 3], want[:, 3])
+    np.testing.assert_array_equal(got[~there], 0.0)
+    compare(got[there], want[there], 64 * EPS * 50.0, 64 * EPS)
+    # It is the point that the camera sees there.
+    points = want[there][:, :3] @ view[:3, :3].T + view[:3, 3]
+    np.testing.assert_allclose(cameras.to_texture(projection, points), uv[there], atol=1e-9)
