@@ -30,14 +30,14 @@ PACKAGE = "lake_water_addon"  # in a checkout
 EXTENSION = "lake_water"  # installed: bl_ext.<repository>.lake_water
 ENGINE = "LAKE_WATER"
 # Properties that options of the same name (without "use_") set. Their ranges and choices are stated where
-# they are defined.
+# they are defined. The quality comes before what it sets.
 SUN_SETTINGS = (
     *("use_caustics", "caustics_method", "caustics_size", "photon_size", "caustics_steps"),
     *("use_shadows", "light_depth_size"),
     *("use_glow", "glow_strength", "glow_exponent", "glow_threshold"),
 )
 SCENE_SETTINGS = (
-    *("technique", "samples", "fov_ext", "texture_size", "intersection_steps"),
+    *("technique", "quality", "samples", "fov_ext", "texture_size", "intersection_steps"),
     *("reflection_steps", "use_exact_fresnel", "use_exact_under_water"),
     *SUN_SETTINGS,
 )
@@ -131,6 +131,7 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
         raise RenderProblem(f"the render engine {ENGINE} is not registered: is Lake Water enabled?") from None
     water = part_of(package, "water_objects").waters_of(scene)
     frames = _frame_numbers(scene, options, lake is not None)
+    _set_resolution(scene, options, lake is not None)
     if options.preset is not None:
         _apply_preset(package, scene, water, options)
     _apply_settings(package, scene, water, options, notes)
@@ -141,7 +142,7 @@ def prepare(package: ModuleType, options: Namespace) -> Job:
         _set_water_level(scene, water, options.water_level)
     if options.obj is not None:
         _place_obj(package, scene, lake, water, options.obj)
-    _set_picture(scene, options, lake is not None, notes)
+    _set_picture(scene, options, notes)
     job = Job(package, scene, water, frames, lake is not None, notes)
     if (options.camera or job.default_camera) == "turntable":
         _set_turntable(job, lake, options.view or VIEWS[0])
@@ -370,8 +371,8 @@ def _place_obj(
         raise UsageProblem(f"--obj: {error}") from None
 
 
-def _set_picture(scene: bpy.types.Scene, options: Namespace, generated: bool, notes: list[str]) -> None:
-    """Size, file format, and what of the scene would get in the way."""
+def _set_resolution(scene: bpy.types.Scene, options: Namespace, generated: bool) -> None:
+    """The size of the frames, which a quality goes by. Raises UsageProblem."""
     render = scene.render
     if options.resolution is not None or generated:
         for name, pixels in zip(
@@ -380,6 +381,11 @@ def _set_picture(scene: bpy.types.Scene, options: Namespace, generated: bool, no
             _require_range(render.bl_rna.properties[name], pixels, "--resolution")
             setattr(render, name, pixels)
         render.resolution_percentage = 100
+
+
+def _set_picture(scene: bpy.types.Scene, options: Namespace, notes: list[str]) -> None:
+    """File format, and what of the size or the scene would get in the way."""
+    render = scene.render
     width = render.resolution_x * render.resolution_percentage // 100  # as Blender rounds
     height = render.resolution_y * render.resolution_percentage // 100
     limit = max_picture_size()

@@ -176,6 +176,12 @@ def build_parser(known: Known) -> argparse.ArgumentParser:
     add("--resolution", type=size, metavar="WxH", help="pixels")
     add("--samples", type=count, metavar="N", help="antialiasing: pictures that are averaged for one frame")
     add(
+        "--quality",
+        type=identifier,
+        choices=choices["quality"],
+        help="sizes of textures, steps and samples, for the frames' size; options change what it sets",
+    )
+    add(
         "--camera",
         choices=("turntable", "scene"),
         help="go once round the lake or the water, or the scene's camera",
@@ -319,6 +325,7 @@ def known() -> Known:
         choices={
             "technique": list(techniques),
             "caustics_method": list(import_module(f"{core}.settings").CAUSTICS_METHODS),
+            "quality": list(import_module(f"{core}.quality").QUALITIES),
         },
         own=import_module(f"{core}.parameters").OWN,
         techniques={key: technique.label for key, technique in techniques.items()},

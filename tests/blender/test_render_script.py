@@ -129,6 +129,7 @@ def pixels(bpy: ModuleType, path: Path) -> np.ndarray:
         ("--output x --technique SEA", r"--technique: invalid choice: 'SEA' \(choose from .*LAKE"),
         ("--output x --caustics-method fast", r"--caustics-method: invalid choice: 'FAST' .*GPU_POINTS"),
         ("--output x --photon-size 0", r"--photon-size: 0 is too small"),
+        ("--output x --quality great", r"--quality: invalid choice: 'GREAT' .*BALANCED"),
         (
             "--output x --view sideways",
             r"--view: invalid choice: 'sideways' .*dive",
@@ -431,6 +432,22 @@ def test_options_of_a_technique_and_a_preset_reach_the_statistics(
     assert 'note: --ripple-dudv-map: Image "pond.png" does not look like a dudv map\n' in said
     first, second = (pixels(bpy_module, tmp_path / f"{name}.png") for name in ("pond", "ripple"))
     assert np.abs(first - second).mean() > 0.01
+
+
+def test_a_quality_is_set_before_other_options_and_for_the_size_of_the_frames(
+    scenes: dict[str, Path], tmp_path: Path
+) -> None:
+    from lake_water_addon.core.quality import CUSTOM, quality_settings
+
+    still = (scenes["pool"], "--resolution", "96x128", "--stats", "stats.json", "--output", "one.png")
+    for others, quality in (((), "DRAFT"), (("--intersection-steps", 4), CUSTOM)):
+        render(*still, "--quality", "draft", *others, folder=tmp_path)
+        settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
+        assert settings["quality"] == quality
+        expected = quality_settings("DRAFT", 128)
+        expected["intersection_steps"] = others[1] if others else expected["intersection_steps"]
+        del expected["viewport_samples"]  # not of a final render
+        assert {name: settings[name] for name in expected} == expected
 
 
 def test_a_texture_beyond_the_limit_of_the_gpu_is_refused(
