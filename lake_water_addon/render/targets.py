@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Hashable
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
@@ -28,11 +29,16 @@ class Target:
 
 
 class Targets:
-    """Targets by name; one is made again only when its size or its formats change."""
+    """Targets by name; one is made again only when its size or its formats change.
+
+    spares: so many earlier ones of each name are kept, for who goes to and fro between sizes.
+    """
 
     def __init__(self, resources: Resources) -> None:
+        self.spares = 0
         self._resources = resources
         self._targets: dict[Hashable, tuple[tuple, Target]] = {}
+        self._spare: dict[Hashable, OrderedDict[tuple, Target]] = {}
         self._colors_only: WeakKeyDictionary[Target, GPUFrameBuffer] = WeakKeyDictionary()
 
     def get(
@@ -57,7 +63,9 @@ class Targets:
                 f"a picture of {size[0]} x {size[1]} pixels cannot be drawn: "
                 f"this graphics device takes 1 to {largest} pixels a side"
             )
-        self._targets.pop(key, None)
+        known = self._exchange(key, description)
+        if known is not None:
+            return known
         colors = tuple(self._resources.texture(size, pixel_format) for pixel_format in formats)
         for texture, smooth in zip(colors, filtered or (False,) * len(colors), strict=True):
             texture.filter_mode(smooth)
@@ -66,6 +74,24 @@ class Targets:
         target = Target(size, self._resources.framebuffer(colors, depth_texture), colors, depth_texture)
         self._targets[key] = (description, target)
         return target
+
+    def _exchange(self, key: Hashable, description: tuple) -> Target | None:
+        """Put the target of a name aside for another that was put aside before; None where there is none."""
+        spare = self._spare.setdefault(key, OrderedDict())
+        if key in self._targets:
+            before, target = self._targets.pop(key)
+            spare[before] = target
+        known = spare.pop(description, None)
+        while len(spare) > self.spares:
+            spare.popitem(last=False)
+        if known is not None:
+            self._targets[key] = (description, known)
+        return known
+
+    def free_spares(self) -> None:
+        """Free what is kept beside the targets in use, and keep nothing more."""
+        self.spares = 0
+        self._spare.clear()
 
     def colors_only(self, target: Target) -> GPUFrameBuffer:
         """A framebuffer of the target's colours without its depth, which can then be read while drawing."""
@@ -76,6 +102,7 @@ class Targets:
     def discard(self, key: Hashable) -> None:
         """Free a target; one that was never made is no error."""
         self._targets.pop(key, None)
+        self._spare.pop(key, None)
 
     def keys(self) -> set[Hashable]:
         """Names of the targets that there are."""
