@@ -6,10 +6,11 @@ and none is looked at twice; 1 / w is linear there, which gives the way along th
 that ends behind what the texture shows, bisection leads to the place.
 
 A depth texture shows fronts. A ray that passes farther behind one than a thing is thick goes on; where it
-comes out again before the bottom, that is found as ever. One that stays behind until it ends has met
-something that the texture does not show: it takes the place where it was the least behind, unless it was
-far behind. One that ends in front of everything, or leaves the texture, has met nothing: reflection then
-gives the sky.
+comes out again before the bottom, that is found as ever. Where it comes out behind what stands farther off,
+it met that while it was hidden, and takes this place, unless it is far behind. One that stays behind until
+it ends has met something that the texture does not show: it takes the place where it was the least behind,
+unless it was far behind. One that ends in front of everything, or leaves the texture, has met nothing:
+reflection then gives the sky.
 
 Points and directions are in render space (see `plan`), arrays (n, 3).
 """
@@ -30,6 +31,10 @@ if TYPE_CHECKING:  # the plan looks up the techniques, which look up this
 
 DEPTH_JUMP = 16.0
 """Texels' widths between neighbours: what is deeper is an edge and not interpolated across."""
+
+CLOSES_IN = 0.7
+"""A ray that was behind something, and within a step is behind by less than so many times as much, comes out
+from behind its edge."""
 
 FARTHEST = 5e4
 """m: where a reflected ray ends; what is farther is sky."""
@@ -163,7 +168,15 @@ def trace(depth: np.ndarray, ray: TextureRay, size: float, search: Search, hidde
         part = np.where(enters, between, np.minimum(i / steps, 1.0))
         after = np.where(enters, after, now)
         is_hit = active & (now > 0.0)
-        is_hit &= after <= search.thickness + 2.0 * texel_at(ray, way_at(ray, part))
+        way = way_at(ray, part)
+        is_hit &= after <= search.thickness + 2.0 * texel_at(ray, way)
+        comes_out = (before > search.thickness) & (now < CLOSES_IN * before)
+        is_hit |= (
+            active
+            & comes_out
+            & (now > 0.0)
+            & (now < -hidden * (ray.origin[:, 2] + way * ray.direction[:, 2]))
+        )
         nearer = active & (now > 0.0) & (now < least) & ~is_hit
         least = np.where(nearer, now, least)
         found = np.where(is_hit, part, np.where(nearer, np.minimum(i / steps, 1.0), found))

@@ -22,7 +22,7 @@ class ReflectionSearch:
 
     march_steps: int
     bisection_steps: int = 6
-    thickness: float = 0.5
+    thickness: float = 2.0
 
 
 def refracted_radiance(

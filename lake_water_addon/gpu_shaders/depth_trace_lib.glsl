@@ -3,6 +3,7 @@
 // The includer defines: MARCH_STEPS, most steps along a ray; BISECTION_STEPS; THICKNESS, m.
 
 #define DEPTH_JUMP 16.0
+#define CLOSES_IN 0.7
 
 // A ray in the space of a texture's camera, and the straight line that it is in the texture.
 struct TextureRay {
@@ -115,6 +116,10 @@ Trace trace(sampler2D map, TextureRay ray, float size, float hidden)
       float way = way_at(ray, part);
       if (after <= THICKNESS + 2.0 * texel_at(ray, way)) {
         return Trace(mix(ray.from, ray.to, part), way, 1.0);
+      }
+      float farthest_hidden = -hidden * (ray.origin.z + way * ray.direction.z);
+      if (before > THICKNESS && now < CLOSES_IN * before && now < farthest_hidden) {
+        return Trace(mix(ray.from, ray.to, high), way, 1.0);
       }
       if (now < least) {
         least = now;

@@ -7,7 +7,7 @@
 #ifdef TRACE_REFLECTIONS
 #  define MARCH_STEPS int(water.grid_axis.w)
 #  define BISECTION_STEPS 6
-#  define THICKNESS 0.5
+#  define THICKNESS 2.0
 #  include "reflection_trace_lib.glsl"
 #endif
 

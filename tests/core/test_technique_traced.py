@@ -137,6 +137,19 @@ def test_what_is_hidden_is_taken_from_where_the_ray_is_least_behind():
     assert known == 0.0
 
 
+def test_what_was_met_while_hidden_is_where_the_ray_comes_out():
+    """A bottom that ends, met behind the plate: beside that the ray is behind the bottom, then before nothing."""
+    post = Post()
+    post.depth[:, post.x > 2.0] = 1e5
+    thin, start = traced.TracedSettings(thickness=0.05, march_steps=200), (-1.0, 0.0, -2.0)
+    hit, known = post.trace(start, (1.0, 0.0, -0.9), thin, hidden=0.2)
+    assert known == 1.0
+    np.testing.assert_allclose(hit[0], 0.5, atol=0.1)
+    # Too far behind for that.
+    _, known = post.trace(start, (1.0, 0.0, -0.9), thin, hidden=0.02)
+    assert known == 0.0
+
+
 def test_flattened_view_shows_a_refracted_ray_as_a_point():
     """Of every ray with that angle of incidence, whatever its azimuth: U and all points below it are one."""
     view, projection = looking_down(6.0, 0.9), projection_of("perspective")
