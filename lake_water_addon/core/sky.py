@@ -141,3 +141,9 @@ def linear_from_srgb(value: np.ndarray) -> np.ndarray:
     """Scene-linear values from sRGB-encoded ones (IEC 61966-2-1)."""
     value = np.asarray(value)
     return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(value: np.ndarray) -> np.ndarray:
+    """sRGB-encoded values from scene-linear ones of 0 and above (IEC 61966-2-1)."""
+    value = np.asarray(value)
+    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1.0 / 2.4) - 0.055)
