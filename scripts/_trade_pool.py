@@ -52,10 +52,10 @@ def _floor() -> Geometry:
     sides, uvs = [], []
     for i in range(n):
         j = (i + 1) % n
-        sides.append([i, j, n + j, n + i])
+        sides.append([n + i, n + j, j, i])
         ends = along[i], along[i] + np.linalg.norm(outline[j] - outline[i])
-        uvs += [(ends[0], -hy), (ends[1], -hy), (ends[1], hy), (ends[0], hy)]
-    caps = [list(range(n))[::-1], list(range(n, 2 * n))]
+        uvs += [(ends[0], hy), (ends[1], hy), (ends[1], -hy), (ends[0], -hy)]
+    caps = [list(range(n)), list(range(n, 2 * n))[::-1]]
     uvs += [tuple(outline[i % n]) for cap in caps for i in cap]
     faces = sides + caps
     return Geometry(

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The same scenes by Blender's own engines: EEVEE and Cycles, with the water's nodes, as fairly as can be.
+
+Fair to all: each pixel is the mean over its square, nothing is clamped, glossy light is not filtered, every
+pixel has all samples, and the sun has no mirror image in the water. The rest is as Blender has it: EEVEE
+traces rays at half the resolution and denoises them, Cycles lets light bounce 4 times between diffuse things.
+
+Fair in time: what counts is the next frame of an animation in which the waves have moved, with data kept
+between frames, from the evaluation of the scene to the last sample (and the denoiser, where there is one).
+Not in it: the first frame's compilation of shaders, loading of images, and search trees of what stands
+still; nor the writing of the picture. This is what a frame of Lake Water is measured by, too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+from _trade_scenes import DETAIL, FRAME, BuiltScene, open_scene
+from tqdm import tqdm
+
+REPEATS, REPEAT_WITHIN = 3, 5.0
+"""A short render is repeated so often, while no more seconds than that were spent."""
+NO_FILTER = 0.01  # pixels; EEVEE then takes samples evenly from the pixel's square
+VERSION = 1
+"""Of the settings below: pictures of another version are not taken from the disk."""
+
+
+@dataclass(frozen=True)
+class Engine:
+    """One way to render. name: of the engine in Blender; settings: of `scene.cycles`, besides `_set_up`'s."""
+
+    label: str
+    name: str
+    samples: int
+    settings: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def described(self) -> dict[str, object]:
+        """Engine, samples and settings in one, as a table has them."""
+        return {"engine": self.name, "samples": self.samples, **self.settings}
+
+
+class EnginePoint(NamedTuple):
+    """seconds: of a frame, see above; picture: (h, w, 3) scene-linear, first row at the bottom.
+
+    others: part of the processor's time that other processes had meanwhile, 0 to 1: above a few hundredths,
+    the seconds are of a machine that was shared.
+    """
+
+    label: str
+    settings: dict[str, object]
+    seconds: float
+    picture: np.ndarray
+    others: float
+
+
+def _eevee(samples: int) -> Engine:
+    return Engine(f"EEVEE, {samples} sample{'s' * (samples > 1)}", "BLENDER_EEVEE", samples)
+
+
+def _cycles(samples: int, *, denoise: bool = False) -> Engine:
+    label = f"Cycles, {samples} samples{', denoised' * denoise}"
+    return Engine(label, "CYCLES", samples, {"use_denoising": denoise})
+
+
+CONVERGED = _cycles(1024)
+"""The picture that path tracing comes to, but for noise that is no longer seen."""
+DIRECT = Engine(
+    "Cycles, 1024 samples, direct light", "CYCLES", 1024, {"use_denoising": False, "diffuse_bounces": 1}
+)
+"""Without light between diffuse things, as in the references and in Lake Water: for a check of those."""
+ENGINES = (
+    *(_eevee(samples) for samples in (1, 4, 16)),
+    *(_cycles(samples, denoise=denoise) for denoise in (False, True) for samples in (4, 16, 64)),
+    CONVERGED,
+    DIRECT,
+)
+
+
+def engine_points(
+    scene_name: str,
+    *,
+    size: tuple[int, int],
+    folder: Path,
+    detail: float = DETAIL,
+    engines: Sequence[Engine] = ENGINES,
+    quiet: bool = False,
+) -> Iterator[EnginePoint]:
+    """What each engine shows of a trade scene, and how long that takes; in the order of `engines`.
+
+    size: (width, height) in pixels. folder: where pictures are kept, for a later run to go on from. What is
+    there is not rendered again. Otherwise the scene is opened, in place of what Blender has open.
+    """
+    kept = [_file(folder, scene_name, size, detail, engine) for engine in engines]
+    built: BuiltScene | None = None
+    warm = None
+    bar = tqdm(zip(engines, kept, strict=True), total=len(engines), desc=scene_name, disable=quiet)
+    for engine, path in bar:
+        bar.set_postfix_str(engine.label)
+        if not path.exists():
+            if built is None:
+                built = open_scene(scene_name, size, detail)
+                _set_up(built)
+            if warm != engine.name:
+                _render(Engine("", engine.name, 1))
+                warm = engine.name
+            _keep(path, *_measure(engine))
+        with np.load(path) as data:
+            yield EnginePoint(
+                engine.label, engine.described, float(data["seconds"]), data["picture"], float(data["others"])
+            )
+
+
+def _file(folder: Path, scene_name: str, size: tuple[int, int], detail: float, engine: Engine) -> Path:
+    told = json.dumps([VERSION, bpy.app.version, detail, engine.described], sort_keys=True)
+    number = hashlib.sha256(told.encode()).hexdigest()[:8]
+    return folder / f"{scene_name}-{size[0]}x{size[1]}-{engine.name.lower()}-{engine.samples}-{number}.npz"
+
+
+def _keep(path: Path, seconds: float, picture: np.ndarray, others: float) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part.npz")
+    np.savez_compressed(part, seconds=seconds, picture=picture, others=others)
+    part.replace(path)
+
+
+def _set_up(built: BuiltScene) -> None:
+    """All that makes the comparison fair, but engine and samples."""
+    scene = bpy.context.scene
+    render, cycles, eevee = scene.render, scene.cycles, scene.eevee
+    render.use_persistent_data = True
+    render.use_compositing = render.use_sequencer = False
+    render.filter_size = NO_FILTER
+    render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
+    eevee.use_raytracing = True
+    eevee.clamp_surface_direct = eevee.clamp_surface_indirect = 0.0
+    cycles.device = "CPU"
+    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+    cycles.use_adaptive_sampling = False
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = 0.0
+    # The lamp's mirror image, and the lamp seen through the surface: Lake Water's glow, which is off.
+    built.sun.visible_glossy = built.sun.visible_transmission = False
+    built.sun.data.specular_factor = built.sun.data.transmission_factor = 0.0
+
+
+def _render(engine: Engine) -> None:
+    scene = bpy.context.scene
+    scene.render.engine = engine.name
+    scene.eevee.taa_render_samples = scene.cycles.samples = engine.samples
+    for name, value in engine.settings.items():
+        setattr(scene.cycles, name, value)
+    try:
+        bpy.ops.render.render()  # evaluates the frame anew, and with it the waves
+    finally:
+        for name in engine.settings:
+            scene.cycles.property_unset(name)
+
+
+def _measure(engine: Engine) -> tuple[float, np.ndarray, float]:
+    """(seconds of a frame, picture, part of the processor that others had)."""
+    bpy.context.scene.frame_set(FRAME)
+    spent: list[float] = []
+    busy, own, began = _busy_seconds(), time.process_time(), time.perf_counter()
+    while len(spent) < REPEATS and sum(spent) < REPEAT_WITHIN:
+        start = time.perf_counter()
+        _render(engine)
+        spent.append(time.perf_counter() - start)
+    wall = time.perf_counter() - began
+    others = _busy_seconds() - busy - (time.process_time() - own)
+    return statistics.median(spent), _picture(), max(others, 0.0) / (wall * (os.cpu_count() or 1))
+
+
+def _busy_seconds() -> float:
+    """Processor time of all processes together since the machine started; 0 where that is not told."""
+    try:
+        ticks = Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]
+    except OSError:
+        return 0.0
+    user, nice, system, _idle, _wait, irq, softirq, *_ = map(int, ticks)
+    return (user + nice + system + irq + softirq) / os.sysconf("SC_CLK_TCK")
+
+
+def _picture() -> np.ndarray:
+    """The render result, (h, w, 3) float32, first row at the bottom."""
+    scene = bpy.context.scene
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(Path(folder) / "picture.exr")
+        bpy.data.images["Render Result"].save_render(path, scene=scene)
+        image = bpy.data.images.load(path)
+        pixels = np.empty(image.size[0] * image.size[1] * image.channels, np.float32)
+        image.pixels.foreach_get(pixels)
+        picture = pixels.reshape(image.size[1], image.size[0], image.channels)[..., :3].copy()
+        bpy.data.images.remove(image)
+    return picture
