@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import statistics
 import subprocess
@@ -15,20 +16,31 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from _trade_engines import CONVERGED, DIRECT, engine_points
 from _trade_points import (
     ALWAYS,
     DEFAULT,
-    DIALS,
     Settings,
     body_changes,
     frame_changes,
+    optics_of,
     point,
     points,
     quality_point,
     to_cells,
 )
 from _trade_scenes import FRAME, TRADE_SCENES, open_scene
-from _trade_table import Table
+from _trade_table import (
+    CAUSTICS_ERRORS,
+    ERRORS,
+    PICTURE_ERRORS,
+    TIMES,
+    engines_table,
+    errors_table,
+    picture_file,
+    reference_file,
+    times_table,
+)
 from tqdm import tqdm
 
 from lake_water_addon import handlers
@@ -46,13 +58,14 @@ from lake_water_addon.render.passes.accumulate import mean_target, picture_targe
 from scripts.reference.images import bilinear, read_images
 from scripts.reference.measures import caustics_error, error_maps, picture_error
 from scripts.reference.optics import WaterOptics, physical_optics, project_optics
+from scripts.reference.photons import Sunlight
 from scripts.reference.tracer import Picture, Reference
 from scripts.reference.truth import TrueHits, technique_errors, true_hits
 
 DRY = FrameSettings(use_caustics=False, **ALWAYS)
 """The scene without water, with shadows, which every time is compared with."""
 
-SECONDS = 2.5
+SECONDS = 1.5
 """What the timed frames of one point may take together, as long as there are LEAST_PAIRS of them."""
 LEAST_PAIRS = 2
 
@@ -63,32 +76,6 @@ COUNT_BORDER = 12
 
 WATER_SHOWN = 0.5
 """Part of a pixel from which on it is one of the water's, where a yes or no is asked."""
-
-PICTURE_ERRORS = ("flip", "hdr_flip", "rmse", "ssim")
-HIT_ERRORS = (
-    "median_m",
-    "median_share",
-    "median_texels",
-    "median_pixels",
-    "mean_pixels",
-    "beyond",
-    "missed",
-    "false",
-)
-CAUSTICS_ERRORS = ("correlation", "contrast", "energy")
-ERRORS = (
-    *PICTURE_ERRORS,
-    *(f"{name}_all" for name in PICTURE_ERRORS),
-    *(f"refracted_{name}" for name in HIT_ERRORS),
-    *(f"reflected_{name}" for name in HIT_ERRORS),
-    *(f"caustics_{name}" for name in CAUSTICS_ERRORS),
-)
-"""Columns: of the water's pixels and of the whole picture; of rays; of the light on the bottom.
-
-median_share: of the length of the true ray. beyond, missed, false: shares, see `core.hits.HitErrors`.
-"""
-TIMES = ("seconds", "dry_seconds", "ratio", "ratio_low", "ratio_high", "pairs")
-"""Columns: medians of a picture and of the dry scene, s; median and quartiles of the pairs' ratios."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +89,7 @@ class Accuracy:
 class SceneBench:
     """One scene of the trade: draws it by any settings, and knows what it should look like.
 
-    size: (width, height); folder: where references are kept; workers: threads that make them.
+    size: (width, height); folder: of the run, where references are kept; workers: threads that make them.
     """
 
     def __init__(
@@ -142,6 +129,11 @@ class SceneBench:
         snapshot = host.snapshot(self._depsgraph)
         camera = self._built.camera.evaluated_get(self._depsgraph)
         return snapshot, camera_from_object(camera, self.scene, *self.size)
+
+    def is_under_water(self) -> bool:
+        """Whether the picture begins in the water."""
+        self._advance(FRAME)
+        return self._plan(DEFAULT, point(DEFAULT, {})).immersed is not None
 
     # Drawing
 
@@ -278,24 +270,49 @@ class SceneBench:
         )
 
     def _kept(self, what: str, *more: object) -> Path:
-        accuracy = f"{self._accuracy.photons:.0e}".replace("+", "") + f"x{self._accuracy.rays}"
-        size = "x".join(map(str, self.size))
-        words = (self.name, what, size, accuracy, self.content, *map(str, more))
-        return self._folder / ("-".join(words) + ".npz")
+        row = {"scene": self.name, "size": "x".join(map(str, self.size)), "content": self.content}
+        row |= {"photons": self._accuracy.photons, "rays": self._accuracy.rays}
+        return reference_file(self._folder, row, "-".join((what, *map(str, more))))
 
     def reference(self, optics: str) -> Picture:
         """What the scene looks like at FRAME. optics: a key of OPTICS. Kept on the disk."""
         if optics not in self._references:
-            path = self._kept(optics)
-            if not path.exists():
-                _, camera = self._extracted(self._wet)
-                made = self._tracer(optics).picture(
-                    camera, self.size, samples=self._accuracy.rays, photons=self._accuracy.photons
-                )
-                save(path, radiance=made.radiance.astype(np.float32), water=made.water.astype(np.float32))
-            with np.load(path) as kept:
+            if not self._kept(optics).exists():
+                self._make_references()
+            with np.load(self._kept(optics)) as kept:
                 self._references[optics] = Picture(*(kept[n].astype(np.float64) for n in Picture._fields))
         return self._references[optics]
+
+    def _make_references(self) -> None:
+        """With every optics. They bend light alike: photons are followed once and absorbed in all ways."""
+        tracers = {name: self._tracer(name) for name in OPTICS}
+        first = next(iter(tracers.values()))
+        sun = first.snapshot.sun
+        each = [
+            np.concatenate([t.optics[i].absorption for t in tracers.values()])
+            for i in range(len(first.optics))
+        ]
+        _, camera = self._extracted(self._wet)
+        if any(first.sunlight):
+            first.sunlight = [
+                Sunlight(first.geometry, surface, replace(water, absorption=absorption), sun)
+                for surface, water, absorption in zip(first.surfaces, first.optics, each, strict=True)
+            ]
+            first.count_photons(camera, self._accuracy.photons)
+            windows = [sunlight.windows for sunlight in first.sunlight]
+            for number, tracer in enumerate(tracers.values()):
+                tracer.sunlight = [
+                    Sunlight(tracer.geometry, surface, water, sun)
+                    for surface, water in zip(tracer.surfaces, tracer.optics, strict=True)
+                ]
+                for sunlight, counted in zip(tracer.sunlight, windows, strict=True):
+                    own = slice(3 * number, 3 * number + 3)
+                    sunlight.windows = [replace(w, counts=w.counts[..., own]) for w in counted]
+        for name, tracer in tracers.items():
+            if not self._kept(name).exists():
+                made = tracer.picture(camera, self.size, samples=self._accuracy.rays, photons=0)
+                parts = {part: getattr(made, part).astype(np.float32) for part in Picture._fields}
+                save(self._kept(name), **parts)
 
     def true_hits(self) -> TrueHits:
         """Where the rays through the pixels' middles go at FRAME."""
@@ -312,7 +329,7 @@ class SceneBench:
             if not path.exists():
                 sunlight = self._tracer("project").sunlight[0]
                 counted = sunlight.count_texture(
-                    camera, COUNTED, max(self._accuracy.photons // 2, 1), workers=self._workers
+                    camera, COUNTED, max(self._accuracy.photons // 4, 1), workers=self._workers
                 )
                 save(path, light=counted[..., 0].astype(np.float32))
             with np.load(path) as kept:
@@ -335,11 +352,6 @@ def traced_optics(settings: WaterSettings) -> WaterOptics:
 
 
 OPTICS = {"project": project_optics, "physical": traced_optics}
-
-
-def optics_of(technique: str) -> str:
-    """Which of OPTICS a technique is to come near to."""
-    return "physical" if TECHNIQUES[technique].spectral else "project"
 
 
 def with_body(snapshot: SceneSnapshot, changes: Settings) -> SceneSnapshot:
@@ -394,27 +406,6 @@ def _fingerprint(snapshot: SceneSnapshot, camera: Camera) -> str:
     return digest.hexdigest()
 
 
-KEY = ("scene", "technique", *DIALS, "size", "content")
-"""Columns that name what was measured. size: of the picture; content: changes with the scene."""
-ACCURACY = ("photons", "rays")
-
-
-def errors_table(folder: Path) -> Table:
-    """What was measured of errors."""
-    return Table(folder / "errors.csv", (*KEY, *ACCURACY, *ERRORS, "commit"), (*KEY, *ACCURACY))
-
-
-def times_table(folder: Path) -> Table:
-    """What was measured of times."""
-    return Table(folder / "times.csv", (*KEY, *TIMES, "commit"), KEY)
-
-
-def picture_file(folder: Path, row: Mapping[str, str]) -> Path:
-    """Where the picture of a point is kept, for those that are."""
-    digest = hashlib.blake2s(repr([row[name] for name in KEY]).encode(), digest_size=6).hexdigest()
-    return folder / "pictures" / f"{row['scene']}-{row['technique'].lower()}-{digest}.npz"
-
-
 def measure_trade(options: argparse.Namespace, machine: Mapping[str, str]) -> None:
     """All that `benchmark.py trade` asks for and that is not in its tables yet.
 
@@ -427,6 +418,7 @@ def measure_trade(options: argparse.Namespace, machine: Mapping[str, str]) -> No
     accuracy = Accuracy(options.photons, options.rays)
     errors, times = errors_table(options.output), times_table(options.output)
     commit = current_commit()
+    run = Run(options.output, machine, accuracy, options.detail)
     longer_side = max(options.resolution)
     wanted = {t: points(t, longer_side, quick=options.quick) for t in options.techniques}
     number = sum(map(len, wanted.values()))
@@ -439,10 +431,11 @@ def measure_trade(options: argparse.Namespace, machine: Mapping[str, str]) -> No
                 options.resolution,
                 options.detail,
                 accuracy,
-                options.output / "references",
+                options.output,
                 options.workers,
             )
             try:
+                run.note(bench)
                 at = {"scene": name, "size": "x".join(map(str, options.resolution)), "content": bench.content}
                 for kind in kinds:
                     for technique, settings in ((t, p) for t, of in wanted.items() for p in of):
@@ -460,8 +453,84 @@ def measure_trade(options: argparse.Namespace, machine: Mapping[str, str]) -> No
                             row |= {"photons": accuracy.photons, "rays": accuracy.rays, **found}
                             errors.append({**row, "commit": commit})
                         bar.update()
+                if options.engines is not None and name in (options.engines or scenes):
+                    measure_engines(bench, options, at, commit)
             finally:
                 bench.close()
+    run.note()
+
+
+def measure_engines(
+    bench: SceneBench, options: argparse.Namespace, at: Mapping[str, str], commit: str
+) -> None:
+    """EEVEE and Cycles in the scene of a bench, which is gone then: each opens files of its own."""
+    table = engines_table(options.output)
+    dry = bench.dry_seconds()
+    bench.reference("project")
+    found = engine_points(
+        bench.name,
+        size=options.resolution,
+        folder=options.output / "engines",
+        detail=options.detail,
+        quiet=options.quiet,
+    )
+    for made in found:
+        row = {**at, "label": made.label}
+        if table.has(row):
+            continue
+        engine = made.settings["engine"].removeprefix("BLENDER_")
+        denoised = bool(made.settings.get("use_denoising"))
+        name = "-".join((bench.name, *made.label.lower().replace(",", "").split(), bench.content)) + ".npz"
+        save(options.output / "pictures" / name, picture=made.picture.astype(np.float16))
+        row |= {
+            "engine": engine,
+            "samples": made.settings["samples"],
+            "denoised": ("no", "yes")[denoised],
+            "direct": ("no", "yes")[made.label == DIRECT.label],
+            "converged": ("no", "yes")[made.label == CONVERGED.label],
+            "picture": name,
+            "others": made.others,
+            "seconds": made.seconds,
+            "dry_seconds": dry,
+            "ratio": made.seconds / dry,
+            **bench.picture_errors(made.picture.astype(np.float64), "project"),
+            "commit": commit,
+        }
+        table.append(row)
+
+
+class Run:
+    """What there is to know of a run beside its tables, in run.json."""
+
+    def __init__(self, folder: Path, machine: Mapping[str, str], accuracy: Accuracy, detail: float) -> None:
+        self._path = folder / "run.json"
+        kept = json.loads(self._path.read_text()) if self._path.exists() else {}
+        self._told = {
+            "began": kept.get("began", _now()),
+            "machine": dict(machine),
+            "photons": accuracy.photons,
+            "rays": accuracy.rays,
+            "detail": detail,
+            "scenes": kept.get("scenes", {}),
+        }
+
+    def note(self, bench: SceneBench | None = None) -> None:
+        """Write it, with a scene that is measured now."""
+        if bench is not None:
+            trade = TRADE_SCENES[bench.name]
+            self._told["scenes"][bench.name] = {
+                "label": trade.label,
+                "description": trade.description,
+                "exposure": bench.exposure,
+                "under_water": bench.is_under_water(),
+            }
+        order = [name for name in TRADE_SCENES if name in self._told["scenes"]]
+        self._told["scenes"] = {name: self._told["scenes"][name] for name in order}
+        self._path.write_text(json.dumps({**self._told, "ended": _now()}, indent=2) + "\n")
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
 
 
 def is_kept(technique: str, settings: Settings, longer_side: int) -> bool:

@@ -163,6 +163,11 @@ def _once(found: Iterable[dict[str, object]]) -> list[dict[str, object]]:
     return list({tuple(p.items()): p for p in found}.values())
 
 
+def optics_of(technique: str) -> str:
+    """What a technique is to come near to: the project's own model, or the physics of water."""
+    return "physical" if TECHNIQUES[technique].spectral else "project"
+
+
 def frame_changes(settings: Settings) -> dict[str, object]:
     """What of a point is a setting of the picture."""
     return {name: value for name, value in settings.items() if name in _FRAME}
@@ -200,15 +205,3 @@ def _value(name: str, text: str) -> object:
         int if name == "samples" else type(OWN[name].default) if name in OWN else float
     )
     return kind(text)
-
-
-def describe(settings: Settings, technique: str) -> str:
-    """What differs from the base, in words; "base" where nothing does."""
-    base = point(technique, {})
-    told = [f"{name} {_text(value)}" for name, value in settings.items() if base.get(name) != value]
-    told += [f"no {name}" for name in base if name not in settings and name not in _CAUSTICS]
-    return ", ".join(told) or "base"
-
-
-def label_of(technique: str) -> str:
-    return TECHNIQUES[technique].label

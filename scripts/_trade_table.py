@@ -1,13 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A table of measurements on the disk, which a later run goes on with."""
+"""What `benchmark.py trade` keeps on the disk: tables that a later run goes on with, and pictures."""
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+from _trade_points import DIALS
+
+PICTURE_ERRORS = ("flip", "hdr_flip", "rmse", "ssim")
+HIT_ERRORS = (
+    "median_m",
+    "median_share",
+    "median_texels",
+    "median_pixels",
+    "mean_pixels",
+    "beyond",
+    "missed",
+    "false",
+)
+CAUSTICS_ERRORS = ("correlation", "contrast", "energy")
+ERRORS = (
+    *PICTURE_ERRORS,
+    *(f"{name}_all" for name in PICTURE_ERRORS),
+    *(f"refracted_{name}" for name in HIT_ERRORS),
+    *(f"reflected_{name}" for name in HIT_ERRORS),
+    *(f"caustics_{name}" for name in CAUSTICS_ERRORS),
+)
+"""Columns: of the water's pixels and of the whole picture; of rays; of the light on the bottom.
+
+median_share: of the length of the true ray. beyond, missed, false: shares, see `core.hits.HitErrors`.
+"""
+ENGINE_TIMES = ("seconds", "dry_seconds", "ratio")
+TIMES = ("seconds", "dry_seconds", "ratio", "ratio_low", "ratio_high", "pairs")
+"""Columns: medians of a picture and of the dry scene, s; median and quartiles of the pairs' ratios."""
 
 
 class Table:
@@ -58,3 +88,39 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.5g}" if math.isfinite(value) else ""
     return str(value)
+
+
+KEY = ("scene", "technique", *DIALS, "size", "content")
+"""Columns that name what was measured. size: of the picture; content: changes with the scene."""
+ACCURACY = ("photons", "rays")
+
+
+def errors_table(folder: Path) -> Table:
+    """What was measured of errors."""
+    return Table(folder / "errors.csv", (*KEY, *ACCURACY, *ERRORS, "commit"), (*KEY, *ACCURACY))
+
+
+def times_table(folder: Path) -> Table:
+    """What was measured of times."""
+    return Table(folder / "times.csv", (*KEY, *TIMES, "commit"), KEY)
+
+
+def engines_table(folder: Path) -> Table:
+    """What was measured of other engines."""
+    key = ("scene", "label", "size", "content")
+    about = ("engine", "samples", "denoised", "direct", "converged", "picture", "others")
+    errors = (*PICTURE_ERRORS, *(f"{name}_all" for name in PICTURE_ERRORS))
+    return Table(folder / "engines.csv", (*key, *about, *ENGINE_TIMES, *errors, "commit"), key)
+
+
+def reference_file(folder: Path, row: Mapping[str, object], what: str) -> Path:
+    """Where a reference of the scene of a row is kept. what: a key of OPTICS, or light."""
+    accuracy = f"{float(row['photons']):.0e}x{row['rays']}".replace("e+0", "e")
+    name = "-".join((str(row["scene"]), what, str(row["size"]), accuracy, str(row["content"])))
+    return folder / "references" / f"{name}.npz"
+
+
+def picture_file(folder: Path, row: Mapping[str, str]) -> Path:
+    """Where the picture of a point is kept, for those that are."""
+    digest = hashlib.blake2s(repr([row[name] for name in KEY]).encode(), digest_size=6).hexdigest()
+    return folder / "pictures" / f"{row['scene']}-{row['technique'].lower()}-{digest}.npz"

@@ -164,7 +164,7 @@ class Sunlight:
         """A window of `size` = (columns, rows) cells. photons: launched over all of it and beyond."""
         margin = self._reach(self._surface.origin[2] - self._geometry.bounds()[0][2]) + 1.5 * cell
         launch_low, launch_side = low - margin, size * cell + 2.0 * margin
-        channels = 1 if self._water.is_gray else 3
+        channels = 1 if self._water.is_gray else len(self._water.absorption)
         counts = np.zeros((2, size[1], size[0], channels))
 
         def counted(start: int) -> np.ndarray:
