@@ -138,7 +138,7 @@ def test_what_is_hidden_is_taken_from_where_the_ray_is_least_behind():
 
 
 def test_what_was_met_while_hidden_is_where_the_ray_comes_out():
-    """A bottom that ends, met behind the plate: beside that the ray is behind the bottom, then before nothing."""
+    """A bottom that ends, met behind the plate: beside it the ray is behind that, then before nothing."""
     post = Post()
     post.depth[:, post.x > 2.0] = 1e5
     thin, start = traced.TracedSettings(thickness=0.05, march_steps=200), (-1.0, 0.0, -2.0)
