@@ -14,11 +14,13 @@ import bpy
 import gpu
 import numpy as np
 
+from . import budget
 from .borders import picture_window, view_window
+from .core.overlay import lay_over
 from .core.plan import pixel_jitter
 from .core.snapshot import Camera, SceneSnapshot
 from .extract import camera_from_object, camera_from_view
-from .host import FrameReport, Host
+from .host import FrameReport, Host, frame_settings
 from .registration import register_classes, unregister_classes
 from .render.frame import PassTimer
 from .render.passes.accumulate import mean_target, picture_target
@@ -67,6 +69,7 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
     def __init__(self, *args, **kwargs) -> None:
         super().__init__(*args, **kwargs)
         self._viewport: Host | None = None
+        self._pacing: budget.Pacing | None = None
         self._samples_done = 0
         self._drawn_state: tuple | None = None
 
@@ -162,6 +165,7 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         start = time.perf_counter()
         if self._viewport is None:
             self._viewport = Host()
+            self._pacing = budget.Pacing(self._viewport)
         host, renderer, scene = self._viewport, self._viewport.renderer, depsgraph.scene
         region = context.region
         left, bottom, right, top = border = view_window(
@@ -171,7 +175,16 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         window = (left / whole[0], bottom / whole[1], right / whole[0], top / whole[1])
         host.begin(size)
         timer = PassTimer(enabled=scene.lake_water.show_statistics)
+        picture = picture_target(renderer.targets, "view", size)
+        mean = mean_target(renderer.targets, "view", size)
+        pace = self._pacing.of(region, scene)
+        watch = budget.Watch(pace, lambda: _wait_for(picture))
         snapshot = host.view_snapshot(depsgraph, context.space_data)
+        settings = frame_settings(scene)
+        samples = scene.lake_water.viewport_samples
+        if pace is not None:
+            settings, snapshot = lay_over(settings, snapshot, pace.point.settings)
+            samples = 1
         camera = camera_from_view(context.region_data)
         state = (
             snapshot.version,
@@ -180,17 +193,16 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
             border,
             camera.view.tobytes(),
             camera.projection.tobytes(),
+            settings,
+            tuple(body.settings for body in snapshot.waters),
         )
-        samples = scene.lake_water.viewport_samples
-        picture = picture_target(renderer.targets, "view", size)
-        mean = mean_target(renderer.targets, "view", size)
         if state != self._drawn_state:
             self._drawn_state, self._samples_done = state, 0
             mean.colors[0].clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
         drawn = self._samples_done < samples
         if drawn:
             jitter = pixel_jitter(self._samples_done, samples, *whole)
-            plan = host.plan(snapshot, camera, scene, window=window, jitter=jitter)
+            plan = host.plan(snapshot, camera, scene, settings=settings, window=window, jitter=jitter)
             renderer.draw_picture(plan, picture, timer, transparent=scene.render.film_transparent)
             renderer.mean.add(picture, mean, 1.0)
             self._samples_done += 1
@@ -200,9 +212,18 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
         gpu.state.viewport_set(left, bottom, *size)
         renderer.mean.show(mean, 1.0 / self._samples_done)
         gpu.state.viewport_set(0, 0, *whole)
+        if pace is not None:
+            host.paced = budget.describe(pace)
+            budget.publish(host.paced)
         if drawn:  # else it is only shown again, and that took no time worth telling
+            watch.stop()
             host.finish(timer, time.perf_counter() - start)
         _state.viewport_statistics = host.statistics()
+
+
+def _wait_for(target: Target) -> None:
+    with target.framebuffer.bind():
+        budget.wait_for(target.framebuffer)
 
 
 @bpy.app.handlers.persistent

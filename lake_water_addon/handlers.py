@@ -27,7 +27,7 @@ class Listener:
     loaded: another file is open, drop everything that belongs to the old one.
     undone: an undo or redo step; data-blocks may have gone, come back or moved in memory.
     updated: the depsgraph of a scene with water changed. frame_changed: such a scene's frame changed.
-    calibrated: `scene.lake_water.calibration` is another.
+    calibrated: `scene.lake_water.calibration` is another. stopped: an animation of the scene plays no more.
     """
 
     loaded: Callable[[], None] | None = None
@@ -35,6 +35,7 @@ class Listener:
     updated: SceneCallback | None = None
     frame_changed: SceneCallback | None = None
     calibrated: Callable[[bpy.types.Scene], None] | None = None
+    stopped: Callable[[bpy.types.Scene], None] | None = None
 
 
 @dataclass
@@ -150,6 +151,14 @@ def _frame_change_post(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -
         _call(listener.frame_changed, scene, depsgraph)
 
 
+@persistent
+def _animation_playback_post(scene: bpy.types.Scene, _depsgraph: bpy.types.Depsgraph) -> None:
+    if _state is None:
+        return
+    for listener in tuple(_state.listeners):
+        _call(listener.stopped, scene)
+
+
 HANDLERS = (
     ("load_pre", _forget_objects),
     ("undo_pre", _forget_objects),
@@ -159,6 +168,7 @@ HANDLERS = (
     ("redo_post", _undo_post),
     ("depsgraph_update_post", _depsgraph_update_post),
     ("frame_change_post", _frame_change_post),
+    ("animation_playback_post", _animation_playback_post),
 )
 
 

@@ -84,6 +84,7 @@ class Host:
         self.extractor = SceneExtractor()
         self.renderer = FrameRenderer()
         self.report = FrameReport()
+        self.paced = ""  # what a time budget has the frame drawn with, in words
         self._extents: Extents | None = None
         self._recent: deque[float] = deque(maxlen=20)
 
@@ -91,6 +92,7 @@ class Host:
         """A new frame: its report starts empty."""
         self.renderer.resources.reset_counts()
         self.report = FrameReport(resolution=resolution)
+        self.paced = ""
 
     def snapshot(self, depsgraph: bpy.types.Depsgraph, **options) -> SceneSnapshot:
         """Extract, timed. options: those of `SceneExtractor.snapshot`."""
@@ -145,6 +147,7 @@ class Host:
         """Lines for the viewport and the panel."""
         report = self.report
         lines = [f"{self.frames_per_second():.1f} fps, water frame {1000 * report.frame_s:.1f} ms"]
+        lines += [f"budget: {self.paced}"] if self.paced else []
         lines += [f"{name}: {1000 * seconds:.1f} ms" for name, seconds in report.passes.items()]
         lines.append(f"extraction: {1000 * report.extraction_s:.1f} ms")
         lines.append(f"planning: {1000 * report.planning_s:.1f} ms")

@@ -7,7 +7,7 @@ from dataclasses import fields
 
 import bpy
 
-from . import handlers
+from . import budget, calibration, handlers
 from .core import parameters
 from .core.settings import CAUSTICS_METHODS
 from .core.techniques import TECHNIQUES, Technique
@@ -310,6 +310,7 @@ def draw_render_settings(
     if parameters.has_effect("use_exact_fresnel", settings.technique):
         column.column(heading="Fresnel").prop(settings, "use_exact_fresnel", text="Exact")
     column.prop(settings, "texture_size")
+    column.prop(settings, "least_grid_resolution", text="Least Grid")
     column.prop(settings, "fov_ext", text="FOV Factor")
     column.separator()
     under = column.column(heading="Under Water")
@@ -326,6 +327,39 @@ class VIEW3D_PT_lake_water_rendering(_SidebarOfScene, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         draw_render_settings(self.layout, context.scene, with_technique=False)
+
+
+class _Budget:
+    """What a picture may take or how far off it may be, what was chosen for that, and what is expected."""
+
+    bl_label = "Budget"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        settings = scene.lake_water
+        column = _aligned(self.layout)
+        column.prop(settings, "budget", text="Limit")
+        if settings.budget == "OFF":
+            return
+        column.prop(settings, f"budget_{settings.budget.lower()}")
+        problem = budget.problem(scene)
+        chosen = budget.choice(scene)
+        if chosen is None:
+            _wrapped(self.layout, problem, "ERROR")
+            self.layout.operator("lake_water.calibrate")
+            return
+        if not chosen.fits:
+            _wrapped(self.layout, f"Nothing that was measured is within {chosen.limit}: the nearest", "ERROR")
+        point = settings.calibration.points[chosen.number]
+        _wrapped(self.layout, f"Chosen: {calibration.words(chosen.settings)}", "CHECKMARK")
+        _wrapped(self.layout, f"Expected: {budget.expectation(point)}", "BLANK1")
+        if not budget.is_applied(scene, chosen):
+            _wrapped(self.layout, "Settings were changed since", "INFO")
+            self.layout.operator("lake_water.apply_budget", text="Apply Again")
+        playing = budget.published()
+        if playing:
+            _wrapped(self.layout, f"Playing with {playing}", "PLAY")
 
 
 class _Effect:
@@ -406,6 +440,12 @@ class _Glow(_Effect):
         column.prop(settings, "glow_threshold", text="Threshold")
 
 
+class VIEW3D_PT_lake_water_budget(_Budget, _SidebarOfScene, bpy.types.Panel):
+    """Budget in the sidebar."""
+
+    bl_parent_id = "VIEW3D_PT_lake_water_rendering"
+
+
 class VIEW3D_PT_lake_water_caustics(_Caustics, _SidebarOfScene, bpy.types.Panel):
     """Caustics in the sidebar."""
 
@@ -463,6 +503,12 @@ class RENDER_PT_lake_water(_RenderSettings, bpy.types.Panel):
         draw_render_settings(self.layout, context.scene)
 
 
+class RENDER_PT_lake_water_budget(_Budget, _RenderSettings, bpy.types.Panel):
+    """Budget in the properties editor."""
+
+    bl_parent_id = "RENDER_PT_lake_water"
+
+
 class RENDER_PT_lake_water_caustics(_Caustics, _RenderSettings, bpy.types.Panel):
     """Caustics in the properties editor."""
 
@@ -488,11 +534,13 @@ CLASSES = (
     LAKE_WATER_UL_waves,
     VIEW3D_PT_lake_water_waves,
     VIEW3D_PT_lake_water_rendering,
+    VIEW3D_PT_lake_water_budget,
     VIEW3D_PT_lake_water_caustics,
     VIEW3D_PT_lake_water_shadows,
     VIEW3D_PT_lake_water_glow,
     VIEW3D_PT_lake_water_display,
     RENDER_PT_lake_water,
+    RENDER_PT_lake_water_budget,
     RENDER_PT_lake_water_caustics,
     RENDER_PT_lake_water_shadows,
     RENDER_PT_lake_water_glow,

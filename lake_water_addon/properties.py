@@ -307,6 +307,33 @@ for _name, _group in TECHNIQUE_GROUPS.items():
     )
 
 
+BUDGETS = (
+    ("OFF", "None", "Settings are yours"),
+    (
+        "TIME",
+        "Time",
+        "The most exact settings that take no longer. Held while an animation plays in a viewport",
+    ),
+    (
+        "PIXELS",
+        "Pixels",
+        "The fastest settings that show things in the water and its mirror image no further off",
+    ),
+    (
+        "FLIP",
+        "FLIP",
+        "The fastest settings whose picture looks no more different from the best that the "
+        "technique can do, samples included",
+    ),
+)
+
+
+def _choose(self: "LakeWaterSceneSettings", context: bpy.types.Context) -> None:
+    from .budget import apply
+
+    apply(self.id_data)
+
+
 QUALITY_ITEMS = [
     *((key, q.label, q.description, number) for number, (key, q) in enumerate(quality.QUALITIES.items())),
     (quality.CUSTOM, "Custom", "The settings are those of no quality", len(quality.QUALITIES)),
@@ -362,6 +389,16 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         soft_min=128,
         soft_max=2048,
         subtype="PIXEL",
+        **NOTIFY,
+    )
+    least_grid_resolution: IntProperty(
+        name="Least Grid Resolution",
+        description="Vertices along each side of every grid of water, where its own Grid Resolution has fewer. "
+        "Raise it where distant waves look too smooth; the graphics card's work grows with its square",
+        default=DEFAULTS.least_grid_resolution,
+        min=2,
+        max=1024,
+        soft_max=512,
         **NOTIFY,
     )
     intersection_steps: IntProperty(
@@ -542,6 +579,50 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         description="Show frames per second and the time of each pass. Measuring them makes a frame slower",
         default=False,
         **NOTIFY,
+    )
+    budget: EnumProperty(
+        name="Budget",
+        description="What a picture may take, or how far from the truth it may be. The settings for it are "
+        "chosen from the calibration",
+        items=BUDGETS,
+        default="OFF",
+        update=_choose,
+    )
+    budget_time: FloatProperty(
+        name="Time (ms)",
+        description="Milliseconds that one sample of a picture may take: a viewport draws one for each frame "
+        "of an animation, a final render as many as Render Samples",
+        default=33.0,
+        min=0.1,
+        max=100000.0,
+        soft_min=1.0,
+        soft_max=1000.0,
+        step=100,
+        precision=1,
+        update=_choose,
+    )
+    budget_pixels: FloatProperty(
+        name="Error (px)",
+        description="Pixels between where things are shown in the water or mirrored by it, and where they "
+        "are, in the mean",
+        default=1.0,
+        min=0.01,
+        max=1000.0,
+        soft_max=10.0,
+        step=10,
+        precision=2,
+        update=_choose,
+    )
+    budget_flip: FloatProperty(
+        name="FLIP",
+        description="Mean difference on the water, as an eye sees it, 0 to 1: below 0.05 it is hard to see",
+        default=0.05,
+        min=0.001,
+        max=1.0,
+        soft_max=0.3,
+        step=1,
+        precision=3,
+        update=_choose,
     )
     calibration: PointerProperty(
         type=calibration_properties.LakeWaterCalibration,

@@ -17,6 +17,7 @@ MODULES = (
     "handlers",
     "operators",
     "presets",
+    "budget",
     "engine",
     "nodes.switching",
     "viewport",

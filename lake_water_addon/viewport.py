@@ -19,13 +19,14 @@ import bpy
 import gpu
 from gpu.types import GPUTexture
 
-from . import handlers
+from . import budget, handlers
 from .borders import view_window
+from .core.overlay import lay_over
 from .core.plan import FramePlan
 from .display import bake_view_transform, view_settings_key
 from .engine import LakeWaterRenderEngine, viewport_statistics
 from .extract import camera_from_view
-from .host import Host
+from .host import Host, frame_settings
 from .nodes.switching import shows_nodes
 from .render.frame import PassTimer
 
@@ -41,6 +42,7 @@ class _State:
         self.draw_handles: list = []
         self.listener: handlers.Listener | None = None
         self.host: Host | None = None
+        self.pacing: budget.Pacing | None = None
         self.tables: OrderedDict[tuple, tuple[GPUTexture, tuple[float, float]]] = OrderedDict()
         self.wanted_table: tuple | None = None
         self.textures_of: tuple | None = None
@@ -50,7 +52,7 @@ class _State:
 
     def forget_scene(self) -> None:
         """Drop what was taken from the scene; GPU objects are freed with it."""
-        self.host = None
+        self.host = self.pacing = None
         self.textures_of = self.depth = self.star = None
         self.wanted_table = None  # loading a file drops the timer that would bake it
         self.error = None
@@ -123,13 +125,19 @@ def _draw(context: bpy.types.Context) -> None:
         return
     if _state.host is None:
         _state.host = Host()
+        _state.pacing = budget.Pacing(_state.host)
     host, scene = _state.host, context.scene
     region = context.region
     host.begin((region.width, region.height))
     timer = PassTimer(enabled=scene.lake_water.show_statistics)
-    snapshot = host.view_snapshot(context.evaluated_depsgraph_get(), context.space_data)
-    plan = host.plan(snapshot, camera_from_view(context.region_data), scene)
     framebuffer = gpu.state.active_framebuffer_get()
+    pace = _state.pacing.of(region, scene)
+    watch = budget.Watch(pace, lambda: budget.wait_for(framebuffer))
+    snapshot = host.view_snapshot(context.evaluated_depsgraph_get(), context.space_data)
+    settings = frame_settings(scene)
+    if pace is not None:
+        settings, snapshot = lay_over(settings, snapshot, pace.point.settings)
+    plan = host.plan(snapshot, camera_from_view(context.region_data), scene, settings=settings)
     # Blender redraws for its own antialiasing and for a highlighted gizmo: then these are right already.
     textures_of = (
         snapshot.version,
@@ -137,9 +145,11 @@ def _draw(context: bpy.types.Context) -> None:
         plan.camera.view.tobytes(),
         plan.camera.projection.tobytes(),
         plan.settings,
+        tuple(body.settings for body in snapshot.waters),
         (region.width, region.height),
     )
-    if textures_of != _state.textures_of or timer.enabled:  # whoever asks for times wants all of them
+    redrawn = textures_of != _state.textures_of or timer.enabled  # whoever asks for times wants all of them
+    if redrawn:
         _state.textures_of = None
         in_air, _ = host.renderer.draw_textures(plan, timer)
         depth = _draw_scene_depth(host, plan, timer, (region.width, region.height))
@@ -153,6 +163,11 @@ def _draw(context: bpy.types.Context) -> None:
         host.renderer.draw_water(plan, timer, framebuffer, _state.depth, view_transform=table)
         if plan.glow.drawn:
             host.renderer.add_glow(plan, _state.star, table)
+    if pace is not None:
+        host.paced = budget.describe(pace)
+        budget.publish(host.paced)
+        if redrawn:
+            watch.stop()
     host.finish(timer, time.perf_counter() - start)
 
 
@@ -268,6 +283,12 @@ def _forget() -> None:
     _state.forget_scene()
 
 
+def _stopped(scene: bpy.types.Scene) -> None:
+    """A picture at rest is drawn with the scene's own settings."""
+    if scene.lake_water.budget == "TIME":
+        _redraw_viewports()
+
+
 def _undone() -> None:
     """Any data-block may be another now: read all again. What turns out equal is not uploaded again."""
     _state.error = None
@@ -281,7 +302,11 @@ def register() -> None:
     global _state  # noqa: PLW0603 - the one piece of state, gone again after unregister()
     _state = _State()
     _state.listener = handlers.Listener(
-        loaded=_forget, undone=_undone, updated=_note_updates, frame_changed=_note_updates
+        loaded=_forget,
+        undone=_undone,
+        updated=_note_updates,
+        frame_changed=_note_updates,
+        stopped=_stopped,
     )
     handlers.subscribe(_state.listener)
     if not bpy.app.background:
