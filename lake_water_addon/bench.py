@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 
+import gpu
 import numpy as np
 
 from .core.flip import FlipReference
 from .core.flip import reach as flip_reach
-from .core.parameters import OWN
+from .core.overlay import lay_over
 from .core.plan import FramePlan, pixel_jitter
 from .core.settings import FrameSettings
 from .core.sky import srgb_from_linear
 from .core.snapshot import Camera, SceneSnapshot
-from .core.techniques import TECHNIQUES
 from .host import Host
 from .ray_truth import RayErrors, Truth, find_truth, ray_errors
 from .raycast import RayCaster, read_alphas
@@ -52,24 +52,6 @@ Settings = Mapping[str, object]
 
 class CalibrationError(ValueError):
     """Why nothing can be measured, in words for a person."""
-
-
-def with_settings(
-    snapshot: SceneSnapshot, frame: FrameSettings, settings: Settings
-) -> tuple[SceneSnapshot, FrameSettings]:
-    """Both with the settings of a point in place of their own; samples are nobody's."""
-    names = {field.name for field in fields(FrameSettings)}
-    frame = replace(frame, **{name: value for name, value in settings.items() if name in names})
-    kind = TECHNIQUES[frame.technique].settings
-    own = {OWN[name].field: value for name, value in settings.items() if name in OWN}
-    if not own:
-        return snapshot, frame
-    waters = []
-    for body in snapshot.waters:
-        others = tuple(s for s in body.settings.own if type(s) is not kind)
-        changed = (*others, replace(body.settings.of(kind), **own))
-        waters.append(replace(body, settings=replace(body.settings, own=changed)))
-    return replace(snapshot, waters=tuple(waters)), frame
 
 
 class Bench:
@@ -117,8 +99,14 @@ class Bench:
     ) -> FramePlan:
         """The picture `after` seconds. settings: in place of those of the frame."""
         snapshot = replace(self.snapshot, time=self.snapshot.time + after)
-        snapshot, frame = with_settings(snapshot, frame, settings or {})
+        frame, snapshot = lay_over(frame, snapshot, settings or {})
         return self.host.plan(snapshot, self.camera, None, settings=frame, jitter=jitter)
+
+    def is_in_context(self) -> bool:
+        """Whether the graphics context is the one that the host's framebuffers are of."""
+        target = self.host.renderer.targets.get(("bench", "context"), (1, 1), ("RGBA8",), depth=False)
+        with target.framebuffer.bind():
+            return gpu.state.active_framebuffer_get() == target.framebuffer
 
     # Rays
 

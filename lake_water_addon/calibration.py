@@ -275,28 +275,32 @@ def settings_of(point: LakeWaterCalibrationPoint) -> dict[str, object]:
     return settings
 
 
+def comparable(kept: LakeWaterCalibration, measure: str) -> list[int]:
+    """Numbers of the points that an error can tell apart.
+
+    By PIXELS, pictures of one sample that are lit as by the settings that were in use, which are the first
+    point: how light is computed moves nothing.
+    """
+    some = [i for i, point in enumerate(kept.points) if getattr(point, measure.lower()) != UNKNOWN]
+    if measure != "PIXELS" or not some:
+        return some
+    settings = [settings_of(point) for point in kept.points]
+    lit = light_of(settings[0])
+    return [i for i in some if light_of(settings[i]) == lit and settings[i].get("samples", 1) == 1]
+
+
 def front_points(kept: LakeWaterCalibration, measure: str | None = None) -> list[int]:
     """Numbers of the points that no other beats in both time and error, from the fastest to the most exact.
 
-    measure: a key of MEASURES, else that of the panel. By PIXELS, only those that light as the settings did
-    that were in use, which are the first point: how light is computed moves nothing.
+    measure: a key of MEASURES, else that of the panel.
     """
     measure = measure or kept.measure
-    settings = [settings_of(point) for point in kept.points]
-    some = range(len(settings))
-    if measure == "PIXELS":
-        some = [i for i in some if light_of(settings[i]) == light_of(settings[0]) and _is_single(settings[i])]
     points = {}
-    for i in some:
+    for i in comparable(kept, measure):
         error = getattr(kept.points[i], measure.lower())
-        if error != UNKNOWN:
-            point = trade.Point(settings[i], kept.points[i].seconds, error)
-            points[id(point)] = (i, point)
+        point = trade.Point(settings_of(kept.points[i]), kept.points[i].seconds, error)
+        points[id(point)] = (i, point)
     return [points[id(p)][0] for p in trade.pareto_front([p for _, p in points.values()])]
-
-
-def _is_single(settings: Settings) -> bool:
-    return settings.get("samples", 1) == 1
 
 
 def front(scene: bpy.types.Scene, measure: str) -> list[trade.Point]:

@@ -14,8 +14,8 @@ import bpy
 import imbuf
 import numpy as np
 
-from .calibration import front_points, settings_of, words
-from .calibration_properties import UNKNOWN, LakeWaterCalibration
+from .calibration import comparable, front_points
+from .calibration_properties import UNKNOWN, LakeWaterCalibration, LakeWaterCalibrationPoint
 from .core.techniques import TECHNIQUES
 
 NAME = "Lake Water Calibration"
@@ -122,11 +122,9 @@ def _draw_panel(canvas: _Canvas, kept: LakeWaterCalibration, measure: str) -> li
         (left, top + 9, TITLES[measure], TEXT, LETTERS, 0.0),
         (0.5 * (left + right), 28, "Time of a picture", FAINT, SMALL_LETTERS, 0.5),
     ]
-    some = {
-        i: (point.seconds, getattr(point, measure.lower()))
-        for i, point in enumerate(kept.points)
-        if getattr(point, measure.lower()) != UNKNOWN
-    }
+    shown = {*comparable(kept, measure), kept.chosen} & set(range(len(kept.points)))
+    some = {i: (kept.points[i].seconds, getattr(kept.points[i], measure.lower())) for i in sorted(shown)}
+    some = {i: place for i, place in some.items() if place[1] != UNKNOWN}
     if not some:
         middle = 0.5 * (left + right), 0.5 * (bottom + top)
         return [*texts, (*middle, "Nothing could be measured", FAINT, LETTERS, 0.5)]
@@ -165,15 +163,24 @@ def _draw_legend(canvas: _Canvas, kept: LakeWaterCalibration) -> list[Text]:
         (130, 10, "worth choosing", FAINT, SMALL_LETTERS, 0.0),
     ]
     if 0 <= kept.chosen < len(kept.points):
-        canvas.ring((240, 14), 6.0, 2.0, CHOSEN)
-        chosen = words(settings_of(kept.points[kept.chosen]))
-        texts.append((254, 10, chosen, FAINT, SMALL_LETTERS, 0.0))
+        canvas.ring((254, 14), 6.0, 2.0, CHOSEN)
+        texts.append((268, 10, f"chosen: {point_text(kept.points[kept.chosen])}", FAINT, SMALL_LETTERS, 0.0))
     return texts
 
 
 def time_text(seconds: float) -> str:
     """Such as 8.5 ms or 2 s."""
     return f"{1000.0 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
+
+
+def point_text(point: LakeWaterCalibrationPoint) -> str:
+    """Time and errors of a point, as far as they are known."""
+    found = [time_text(point.seconds)]
+    if point.pixels != UNKNOWN:
+        found.append(f"{point.pixels:.3g} px")
+    if point.flip != UNKNOWN:
+        found.append(f"FLIP {point.flip:.2g}")
+    return ", ".join(found)
 
 
 def _with_texts(pixels: np.ndarray, texts: list[Text]) -> np.ndarray:

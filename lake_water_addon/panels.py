@@ -65,7 +65,7 @@ class _SidebarOfWater(_Sidebar):
         return shown_water(context) is not None
 
 
-class _SidebarOfScene(_Sidebar):
+class SidebarOfScene(_Sidebar):
     """A sub-panel about the scene, of use once it has water."""
 
     bl_parent_id = "VIEW3D_PT_lake_water"
@@ -81,7 +81,7 @@ def _aligned(layout: bpy.types.UILayout) -> bpy.types.UILayout:
     return layout.column()
 
 
-def _wrapped(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
+def wrapped(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
     """A text of several lines, the icon before the first."""
     lines = layout.column(align=True)
     for line in textwrap.wrap(text, LINE):
@@ -200,7 +200,7 @@ class VIEW3D_PT_lake_water_own(_SidebarOfWater, bpy.types.Panel):
         if kind in LABELS:
             row.operator("lake_water.new_map", text="", icon="ADD").parameter = parameter
         for message in _messages.of(image, kind):
-            _wrapped(column, message, "ERROR")
+            wrapped(column, message, "ERROR")
 
 
 def _technique(context: bpy.types.Context) -> Technique:
@@ -320,7 +320,7 @@ def draw_render_settings(
     column.prop(settings, "viewport_samples", text="Viewport")
 
 
-class VIEW3D_PT_lake_water_rendering(_SidebarOfScene, bpy.types.Panel):
+class VIEW3D_PT_lake_water_rendering(SidebarOfScene, bpy.types.Panel):
     """How the picture is computed. The technique is above, since it decides what all panels show."""
 
     bl_label = "Rendering"
@@ -346,20 +346,20 @@ class _Budget:
         problem = budget.problem(scene)
         chosen = budget.choice(scene)
         if chosen is None:
-            _wrapped(self.layout, problem, "ERROR")
+            wrapped(self.layout, problem, "ERROR")
             self.layout.operator("lake_water.calibrate")
             return
         if not chosen.fits:
-            _wrapped(self.layout, f"Nothing that was measured is within {chosen.limit}: the nearest", "ERROR")
+            wrapped(self.layout, f"Nothing that was measured is within {chosen.limit}: the nearest", "ERROR")
         point = settings.calibration.points[chosen.number]
-        _wrapped(self.layout, f"Chosen: {calibration.words(chosen.settings)}", "CHECKMARK")
-        _wrapped(self.layout, f"Expected: {budget.expectation(point)}", "BLANK1")
+        wrapped(self.layout, f"Chosen: {calibration.words(chosen.settings)}", "CHECKMARK")
+        wrapped(self.layout, f"Expected: {budget.expectation(point)}", "BLANK1")
         if not budget.is_applied(scene, chosen):
-            _wrapped(self.layout, "Settings were changed since", "INFO")
+            wrapped(self.layout, "Settings were changed since", "INFO")
             self.layout.operator("lake_water.apply_budget", text="Apply Again")
         playing = budget.published()
         if playing:
-            _wrapped(self.layout, f"Playing with {playing}", "PLAY")
+            wrapped(self.layout, f"Playing with {playing}", "PLAY")
 
 
 class _Effect:
@@ -416,7 +416,7 @@ class _Caustics(_Effect):
             name.label(text="In Use")
             split.label(text=CAUSTICS_METHODS[chosen.name])
         elif chosen.name != wanted:
-            _wrapped(column, chosen.reason)
+            wrapped(column, chosen.reason)
 
 
 class _Shadows(_Effect):
@@ -440,31 +440,31 @@ class _Glow(_Effect):
         column.prop(settings, "glow_threshold", text="Threshold")
 
 
-class VIEW3D_PT_lake_water_budget(_Budget, _SidebarOfScene, bpy.types.Panel):
+class VIEW3D_PT_lake_water_budget(_Budget, SidebarOfScene, bpy.types.Panel):
     """Budget in the sidebar."""
 
     bl_parent_id = "VIEW3D_PT_lake_water_rendering"
 
 
-class VIEW3D_PT_lake_water_caustics(_Caustics, _SidebarOfScene, bpy.types.Panel):
+class VIEW3D_PT_lake_water_caustics(_Caustics, SidebarOfScene, bpy.types.Panel):
     """Caustics in the sidebar."""
 
     bl_parent_id = "VIEW3D_PT_lake_water_rendering"
 
 
-class VIEW3D_PT_lake_water_shadows(_Shadows, _SidebarOfScene, bpy.types.Panel):
+class VIEW3D_PT_lake_water_shadows(_Shadows, SidebarOfScene, bpy.types.Panel):
     """Shadows in the sidebar."""
 
     bl_parent_id = "VIEW3D_PT_lake_water_rendering"
 
 
-class VIEW3D_PT_lake_water_glow(_Glow, _SidebarOfScene, bpy.types.Panel):
+class VIEW3D_PT_lake_water_glow(_Glow, SidebarOfScene, bpy.types.Panel):
     """Glow in the sidebar."""
 
     bl_parent_id = "VIEW3D_PT_lake_water_rendering"
 
 
-class VIEW3D_PT_lake_water_display(_SidebarOfScene, bpy.types.Panel):
+class VIEW3D_PT_lake_water_display(SidebarOfScene, bpy.types.Panel):
     """What the viewport shows."""
 
     bl_label = "Display"
@@ -481,7 +481,7 @@ class VIEW3D_PT_lake_water_display(_SidebarOfScene, bpy.types.Panel):
                     lines.label(text=line, translate=False)
 
 
-class _RenderSettings:
+class RenderSettings:
     """A panel of the engine's settings in the properties editor."""
 
     bl_space_type = "PROPERTIES"
@@ -494,7 +494,7 @@ class _RenderSettings:
         return context.engine in cls.COMPAT_ENGINES
 
 
-class RENDER_PT_lake_water(_RenderSettings, bpy.types.Panel):
+class RENDER_PT_lake_water(RenderSettings, bpy.types.Panel):
     """The engine's settings."""
 
     bl_label = "Lake Water"
@@ -503,25 +503,25 @@ class RENDER_PT_lake_water(_RenderSettings, bpy.types.Panel):
         draw_render_settings(self.layout, context.scene)
 
 
-class RENDER_PT_lake_water_budget(_Budget, _RenderSettings, bpy.types.Panel):
+class RENDER_PT_lake_water_budget(_Budget, RenderSettings, bpy.types.Panel):
     """Budget in the properties editor."""
 
     bl_parent_id = "RENDER_PT_lake_water"
 
 
-class RENDER_PT_lake_water_caustics(_Caustics, _RenderSettings, bpy.types.Panel):
+class RENDER_PT_lake_water_caustics(_Caustics, RenderSettings, bpy.types.Panel):
     """Caustics in the properties editor."""
 
     bl_parent_id = "RENDER_PT_lake_water"
 
 
-class RENDER_PT_lake_water_shadows(_Shadows, _RenderSettings, bpy.types.Panel):
+class RENDER_PT_lake_water_shadows(_Shadows, RenderSettings, bpy.types.Panel):
     """Shadows in the properties editor."""
 
     bl_parent_id = "RENDER_PT_lake_water"
 
 
-class RENDER_PT_lake_water_glow(_Glow, _RenderSettings, bpy.types.Panel):
+class RENDER_PT_lake_water_glow(_Glow, RenderSettings, bpy.types.Panel):
     """Glow in the properties editor."""
 
     bl_parent_id = "RENDER_PT_lake_water"

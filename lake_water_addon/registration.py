@@ -19,9 +19,11 @@ MODULES = (
     "presets",
     "budget",
     "engine",
+    "calibrate_operator",
     "nodes.switching",
     "viewport",
     "panels",
+    "calibration_panels",
 )
 
 
