@@ -393,7 +393,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     )
     least_grid_resolution: IntProperty(
         name="Least Grid Resolution",
-        description="Vertices along each side of every grid of water, where its own Grid Resolution has fewer. "
+        description="Vertices along each side of every grid of water, where its own resolution is lower. "
         "Raise it where distant waves look too smooth; the graphics card's work grows with its square",
         default=DEFAULTS.least_grid_resolution,
         min=2,

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from . import cameras
+from . import cameras, optics, waves
 from .air_lookup import WaterTextures, in_camera
 from .lookup import Lookup, inside_texture
 
@@ -238,3 +238,23 @@ def traced_reflection(
     color, known = color_and_known(found, lookups.reflection_color, lookups.fade)
     sky = lookups.sky_radiance(direction)
     return sky + known * (color - sky)
+
+
+def mirrored_radiance(
+    surface: np.ndarray,
+    incident: np.ndarray,
+    normal: np.ndarray,
+    refracted: np.ndarray,
+    body: BodyPlan,
+    search: Search,
+    textures: TracedTextures,
+) -> np.ndarray:
+    """(n, 3) radiance of what the surface mirrors; refracted: (n, 3) of what it shows below.
+
+    A ray that a wave sends downwards meets another wave, which mirrors its part of what is above; for what
+    comes out of the water there, what does here is taken.
+    """
+    reflected = traced_reflection(surface, optics.reflect_upwards(incident, normal), body, search, textures)
+    rise = optics.reflect_direction(incident, normal)[:, 2:]
+    part = optics.fresnel_dielectric(waves.met_slope(body.packed_waves) - rise, 1.0 / body.body.settings.ior)
+    return optics.mix_fresnel(refracted, reflected, np.where(rise < 0.0, part, 1.0))

@@ -247,7 +247,7 @@ def plan_frame(
     coordinates, for antialiasing. extents: of the last plan's scene, used again while they hold.
     """
     technique = TECHNIQUES[settings.technique]
-    waters = tuple(_as_drawn(body, technique) for body in snapshot.waters)
+    waters = tuple(_as_drawn(body, technique, settings) for body in snapshot.waters)
     origin = render_origin(snapshot)
     shift = np.eye(4)
     shift[:2, 3] = jitter
@@ -281,8 +281,10 @@ def plan_frame(
     )
 
 
-def _as_drawn(body: WaterBody, technique: Technique) -> WaterBody:
-    """The body with the settings that a technique makes of its own."""
+def _as_drawn(body: WaterBody, technique: Technique, frame: FrameSettings) -> WaterBody:
+    """The body with the grid that the picture asks for, and the settings that a technique makes its own."""
+    if body.grid is not None and body.grid[0] < frame.least_grid_resolution:
+        body = replace(body, grid=(frame.least_grid_resolution, *body.grid[1:]))
     own = body.settings.of(technique.settings)
     changed = {}
     if own is not None and not own.displaces:

@@ -20,13 +20,15 @@ CAUSTICS_METHODS = {
 class FrameSettings:
     """Settings of a picture, under the names that they have on `scene.lake_water`.
 
-    texture_size, caustics_size, photon_size, light_depth_size: texels a side. caustics_method: a key
-    of CAUSTICS_METHODS. reflection_steps: most along a reflected ray; 0 looks up a fixed distance c away.
+    texture_size, caustics_size, photon_size, light_depth_size: texels a side. least_grid_resolution: vertices
+    along each side of a water's grid, where its own has fewer. reflection_steps: most along a reflected ray;
+    0 looks up a fixed distance c away. caustics_method: a key of CAUSTICS_METHODS.
     """
 
     technique: str = DEFAULT_TECHNIQUE
     fov_ext: float = 1.5
     texture_size: int = 512
+    least_grid_resolution: int = 2
     intersection_steps: int = 3
     reflection_steps: int = 0
     use_exact_fresnel: bool = False

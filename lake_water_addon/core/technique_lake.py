@@ -12,7 +12,7 @@ import numpy as np
 
 from . import cameras, intersection, optics
 from .air_lookup import WaterTextures, in_camera, radiance_through_water, reflected_radiance
-from .depth_trace import TracedTextures, traced_reflection
+from .depth_trace import TracedTextures, mirrored_radiance
 from .plan import BodyPlan
 
 
@@ -56,12 +56,11 @@ def water_radiance(
     n12 = 1.0 / body.body.settings.ior
     bent, _ = optics.refract_direction(-to_eye, normal, n12)
     refracted = refracted_radiance(surface, bent, body, steps, textures)
-    mirrored = optics.reflect_upwards(-to_eye, normal)
     if reflection_steps:
-        traced = TracedTextures(textures, None, reflection_depth)
-        reflected = traced_reflection(surface, mirrored, body, ReflectionSearch(reflection_steps), traced)
+        traced, search = TracedTextures(textures, None, reflection_depth), ReflectionSearch(reflection_steps)
+        reflected = mirrored_radiance(surface, -to_eye, normal, refracted, body, search, traced)
     else:
-        reflected = reflected_radiance(surface, mirrored, body, textures)
+        reflected = reflected_radiance(surface, optics.reflect_upwards(-to_eye, normal), body, textures)
     cosine = np.sum(to_eye * normal, axis=-1, keepdims=True)
     if exact_fresnel:
         fresnel = optics.fresnel_dielectric(cosine, n12)

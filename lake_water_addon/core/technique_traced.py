@@ -25,9 +25,9 @@ from .depth_trace import (
     TracedTextures,
     along_in_camera,
     color_and_known,
+    mirrored_radiance,
     texture_ray,
     trace,
-    traced_reflection,
 )
 from .technique_settings import LENGTH, TechniqueSettings, setting
 
@@ -144,7 +144,6 @@ def water_radiance(
     n12 = 1.0 / body.body.settings.ior
     bent, _ = optics.refract_direction(-to_eye, normal, n12)
     refracted = traced_refraction(surface, bent, body, settings, textures)
-    mirrored = optics.reflect_upwards(-to_eye, normal)
-    reflected = traced_reflection(surface, mirrored, body, settings, textures)
+    reflected = mirrored_radiance(surface, -to_eye, normal, refracted, body, settings, textures)
     cosine = np.sum(to_eye * normal, axis=-1, keepdims=True)
     return optics.mix_fresnel(refracted, reflected, optics.fresnel_dielectric(cosine, n12))

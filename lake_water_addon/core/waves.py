@@ -96,6 +96,16 @@ def max_height(waves: Sequence[SineWave]) -> float:
     return float(sum(abs(w.amplitude) for w in waves))
 
 
+def met_slope(packed: np.ndarray) -> float:
+    """The mean slope, towards it, of the waves that a ray meets which skims them: sqrt(pi / 2) s.
+
+    s: the standard deviation of the slopes, taken as normal and as all along the ray; each counts by the area
+    that it turns to the ray.
+    """
+    variance = 0.5 * float(np.sum(packed[:, 2] ** 2 * np.sum(packed[:, :2] ** 2, axis=1)))
+    return float(np.sqrt(0.5 * np.pi * variance))
+
+
 def max_slope(packed: np.ndarray) -> float:
     """The least upper bound of |grad h| that holds at any time, from `pack`'s rows.
 

@@ -27,3 +27,15 @@ vec3 traced_reflection(vec3 surface, vec3 direction)
   vec3 color = texel.rgb / max(texel.a, 1e-4);
   return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
 }
+
+// What the surface mirrors. A ray that a wave sends downwards meets another wave, which mirrors its part of what is
+// above; for what comes out of the water there, what does here is taken.
+vec3 mirrored_radiance(vec3 surface, vec3 incident, vec3 normal, vec3 refracted)
+{
+  vec3 reflected = traced_reflection(surface, reflect_upwards(incident, normal));
+  float rise = reflect_direction(incident, normal).z;
+  if (rise < 0.0) {
+    reflected = mix_fresnel(refracted, reflected, fresnel_dielectric(water.color.w - rise, water.optics.w));
+  }
+  return reflected;
+}

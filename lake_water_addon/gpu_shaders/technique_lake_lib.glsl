@@ -30,11 +30,10 @@ vec3 refracted_radiance(vec3 surface, vec3 direction)
 vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
 {
   vec3 refracted = refracted_radiance(surface, refract_direction(-to_eye, normal, water.optics.w));
-  vec3 mirrored = reflect_upwards(-to_eye, normal);
 #ifdef TRACE_REFLECTIONS
-  vec3 reflected = traced_reflection(surface, mirrored);
+  vec3 reflected = mirrored_radiance(surface, -to_eye, normal, refracted);
 #else
-  vec3 reflected = reflected_radiance(surface, mirrored);
+  vec3 reflected = reflected_radiance(surface, reflect_upwards(-to_eye, normal));
 #endif
 #ifdef EXACT_FRESNEL
   float fresnel = fresnel_dielectric(dot(to_eye, normal), water.optics.w);

@@ -43,6 +43,6 @@ vec3 traced_refraction(vec3 surface, vec3 direction)
 vec3 water_radiance(vec3 surface, vec3 normal, vec3 to_eye)
 {
   vec3 refracted = traced_refraction(surface, refract_direction(-to_eye, normal, water.optics.w));
-  vec3 reflected = traced_reflection(surface, reflect_upwards(-to_eye, normal));
+  vec3 reflected = mirrored_radiance(surface, -to_eye, normal, refracted);
   return mix_fresnel(refracted, reflected, fresnel_dielectric(dot(to_eye, normal), water.optics.w));
 }

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from gpu.types import Buffer, GPUUniformBuf
 
-from ..core import cameras, optics, technique_settings
+from ..core import cameras, optics, technique_settings, waves
 from ..core.plan import CASCADES, BodyPlan, FramePlan, TexturePass
 from ..core.technique_settings import TechniqueSettings
 from ..core.under_water import HEIGHT_TEXELS, HeightMap, NearPlane
@@ -107,7 +107,7 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
         np.array(
             [optics.reflectance_at_normal(n12), frame.intersection_steps, BORDER_FADE, frame.texture_size]
         ),
-        _vec4(np.array(settings.water_color), 1.0),
+        _vec4(np.array(settings.water_color), waves.met_slope(body.packed_waves)),
         np.array(body.extent),
         np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, frame.reflection_steps]),
         looked_up.refraction.view.T,

@@ -30,7 +30,8 @@ LOOK = {
     *("glow_strength", "glow_exponent", "glow_threshold"),
 }
 QUALITY = {
-    *("fov_ext", "texture_size", "intersection_steps", "reflection_steps", "use_exact_fresnel"),
+    *("fov_ext", "texture_size", "least_grid_resolution"),
+    *("intersection_steps", "reflection_steps", "use_exact_fresnel"),
     *("caustics_size", "photon_size", "caustics_steps", "light_depth_size"),
 }
 

@@ -281,3 +281,11 @@ def test_jitter_fills_the_pixel_evenly():
     points = np.array([plan.pixel_jitter(i, 64, 2, 2) for i in range(64)]) + 0.5
     counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=4, range=[[0, 1], [0, 1]])
     assert counts.min() >= 2 and counts.max() <= 6, counts
+
+
+def test_the_grid_is_as_fine_as_the_picture_asks_for():
+    scene = snapshot(body())
+    own = scene.waters[0].grid
+    for least, expected in ((own[0] + 7, own[0] + 7), (own[0] - 1, own[0])):
+        (drawn,) = planned(scene, ABOVE, least_grid_resolution=least).bodies
+        assert drawn.body.grid == (expected, *own[1:])

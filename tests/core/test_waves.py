@@ -124,3 +124,15 @@ def test_no_waves_are_flat_water():
     np.testing.assert_array_equal(waves.height(packed, POINTS), 0.0)
     np.testing.assert_array_equal(waves.normal(packed, POINTS), np.broadcast_to([0.0, 0.0, 1.0], (200, 3)))
     assert waves.max_height([]) == 0.0
+
+
+def test_a_skimming_ray_meets_waves_that_lean_towards_it():
+    """Many small waves along one line have normal slopes; a place counts by the area it turns to the ray."""
+    rng = np.random.default_rng(6)
+    many = [
+        SineWave(a, length, 0.0, phase) for a, length, phase in rng.uniform(0.01, 6.0, (32, 3)) * (5e-4, 1, 1)
+    ]
+    packed = waves.pack(many, 0.0, 1e3)
+    towards = waves.slope(packed, np.stack([np.linspace(0.0, 5e3, 400_000), np.zeros(400_000)], axis=1))[:, 0]
+    area = np.maximum(towards, 0.0)
+    assert waves.met_slope(packed) == pytest.approx(np.average(towards, weights=area), rel=0.05)

@@ -2358,6 +2358,26 @@ def test_twin_traced_reflection(case):
 
 
 @every_trace
+def test_twin_mirrored_radiance(case):
+    """Waves this steep send some rays downwards, which meet the water again."""
+    body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
+    tilted = normal + single(RNG(48).uniform(-0.6, 0.6, normal.shape))
+    normal = single(optics.face_viewer(tilted / np.linalg.norm(tilted, axis=1, keepdims=True), to_eye))
+    assert 0.02 < np.mean(optics.reflect_direction(-to_eye, normal)[:, 2] < 0.0) < 0.9
+    below = single(RNG(49).uniform(0.0, 1.0, normal.shape))
+    got = evaluate(
+        results={"c": ("vec3", "mirrored_radiance(u, -e, n, b)")},
+        u=surface,
+        n=normal,
+        e=to_eye,
+        b=below,
+        **gpu_arguments,
+    )["c"]
+    want = depth_trace.mirrored_radiance(surface, -to_eye, normal, below, body, own, textures)
+    compare_radiance(got, want)
+
+
+@every_trace
 def test_twin_water_radiance_traced(case):
     body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
     got = evaluate(

@@ -9,6 +9,7 @@ scene = bpy.context.scene.lake_water
 scene.technique = "LAKE"
 scene.fov_ext = 1.5
 scene.texture_size = 512
+scene.least_grid_resolution = 2
 scene.intersection_steps = 3
 scene.reflection_steps = 0
 scene.use_exact_fresnel = False
