@@ -17,10 +17,11 @@ from _trade_front import Row, front
 from _trade_points import DEFAULT, SWEEPS, Sweep, point, sweep_points
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from PIL import Image, ImageDraw, ImageFont
 
 from lake_water_addon.core.parameters import OWN
+from lake_water_addon.core.quality import QUALITIES
 from lake_water_addon.core.snapshot import WaterSettings
 from lake_water_addon.core.techniques import TECHNIQUES
 
@@ -60,6 +61,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 def _plain(axis) -> None:
     """Numbers as one reads them, on a logarithmic axis."""
+    axis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -76,7 +78,7 @@ def plot_scene(rows: Sequence[Row], engines: Sequence[Mapping[str, object]], tit
             if not of:
                 continue
             axes.plot(
-                [r["ratio"] for r in of], [r["flip"] for r in of], ".", color=color, alpha=0.35, ms=5, mew=0
+                [r["ratio"] for r in of], [r["flip"] for r in of], ".", color=color, alpha=0.45, ms=6, mew=0
             )
             best = front(of)
             axes.step(
@@ -112,14 +114,14 @@ def plot_scene(rows: Sequence[Row], engines: Sequence[Mapping[str, object]], tit
                 )
         axes.set_xscale("log")
         axes.set_yscale("log")
-        low, high = axes.get_ylim()
-        ticks = [t for t in (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5) if low <= t <= high]
-        axes.set_yticks(ticks)
         _plain(axes.xaxis)
         _plain(axes.yaxis)
+        axes.yaxis.set_major_locator(LogLocator(10.0, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
         axes.set_xlabel("time of a picture, as a multiple of the scene without water")
         axes.set_ylabel("mean FLIP on the water")
         axes.set_title(title, loc="left", fontsize=10)
+        letters = ", ".join(f"{letter} {QUALITIES[name].label}" for name, letter in QUALITY_LETTERS.items())
+        axes.text(1.0, 1.01, letters, transform=axes.transAxes, ha="right", va="bottom", fontsize=8)
         axes.legend(loc="upper right", fontsize=8, ncols=2)
         save_figure(figure, path)
 
@@ -204,25 +206,18 @@ def plot_settings(rows: Sequence[Row], technique: str, path: Path) -> bool:
             right = axes.twinx()
             right.grid(visible=False)
             right.spines["right"].set_visible(True)
-            if _panel(right, rows, scenes, technique, sweep, "ratio", COLORS["EEVEE"]):
-                right.set_ylim(bottom=0.0)
+            _panel(right, rows, scenes, technique, sweep, "ratio", COLORS["EEVEE"])
             right.tick_params(axis="y", colors=COLORS["EEVEE"])
             axes.tick_params(axis="y", colors=COLORS["LAKE"])
-            axes.set_ylim(bottom=0.0)
+            for side in (axes, right):
+                side.set_ylim(0.0, 1.08 * max(1e-3, side.get_ylim()[1]))
             axes.set_title(sweep.label, fontsize=9, loc="left")
         for axes in list(grid.flat)[len(sweeps) :]:
             axes.set_axis_off()
+        figure.get_layout_engine().set(rect=(0.0, 0.0, 0.975, 1.0))
         figure.supylabel("mean FLIP on the water", color=COLORS["LAKE"], fontsize=9)
-        figure.text(
-            1.0,
-            0.5,
-            "time / scene without water",
-            rotation=90,
-            ha="right",
-            va="center",
-            color=COLORS["EEVEE"],
-            fontsize=9,
-        )
+        place = {"rotation": 90, "ha": "right", "va": "center"}
+        figure.text(0.998, 0.5, "time / scene without water", color=COLORS["EEVEE"], fontsize=9, **place)
         save_figure(figure, path)
     return True
 
@@ -232,7 +227,12 @@ GEOMETRY = (
     ("texture_size", "refracted_median_pixels", "Texture size", "median error in pixels, refracted"),
     ("fov_ext", "refracted_missed", "FOV extension", "share of refracted rays that find nothing"),
     ("reflection_steps", "reflected_median_pixels", "Reflection steps", "median error in pixels, reflected"),
-    ("c", "reflected_median_pixels", "Reflection offset c, m", "median error in pixels, reflected"),
+    (
+        "reflection_steps",
+        "reflected_missed",
+        "Reflection steps",
+        "share of what is mirrored that is not found",
+    ),
     ("photon_size", "caustics_correlation", "Photons a side", "caustics' correlation with the count"),
 )
 """Dial, column and their names."""

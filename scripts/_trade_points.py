@@ -19,7 +19,7 @@ from lake_water_addon.core.techniques import TECHNIQUES
 Settings = Mapping[str, object]
 
 BASE: Settings = {
-    "samples": 4,
+    "samples": 1,
     "texture_size": 512,
     "fov_ext": 1.5,
     "intersection_steps": 3,
@@ -59,7 +59,7 @@ SWEEPS = (
     Sweep("intersection_steps", "Intersection steps", (1, 2, 4, 6, 8, 16)),
     Sweep("texture_size", "Texture size", (128, 256, 1024, 2048), few=(128, 1024)),
     Sweep("fov_ext", "FOV extension", (1.0, 1.2, 2.0), few=(1.0,)),
-    Sweep("samples", "Samples", (1, 16), few=(1,)),
+    Sweep("samples", "Samples", (2, 4, 16), few=(4,)),
     Sweep("reflection_steps", "Reflection steps", (0, 4, 8, 32)),
     Sweep("c", "Reflection offset c", (0.0, 3.0, 10.0, 100.0), {"reflection_steps": 0}, few=(10.0,)),
     Sweep("q", "Schlick's exponent q", (5.65,), {"use_exact_fresnel": False}, few=(4.5,)),
@@ -83,26 +83,24 @@ DIALS = tuple(dict.fromkeys((*BASE, *(sweep.dial for sweep in SWEEPS))))
 """Everything that a point may name, in the order of the table's columns."""
 
 CHEAP = {"fov_ext": 1.2, "caustics_size": 256, "photon_size": 128, "light_depth_size": 512}
-FINE = {"intersection_steps": 5, "caustics_size": 1024, "photon_size": 512, "light_depth_size": 2048}
+FINE = {"intersection_steps": 8, "caustics_size": 1024, "photon_size": 512, "light_depth_size": 2048}
 
 COMBINATIONS: tuple[tuple[float, Settings], ...] = (
-    (
-        0.4,
-        {"samples": 1, "intersection_steps": 1, "reflection_steps": 0, "use_exact_fresnel": False, **CHEAP},
-    ),
-    (0.4, {"samples": 1, "reflection_steps": 8, **CHEAP}),
-    (0.8, {"samples": 1, "reflection_steps": 8, **CHEAP}),
-    (0.8, {"samples": 2, "reflection_steps": 8, **CHEAP}),
-    (0.8, {"samples": 4, "reflection_steps": 16, **CHEAP}),
-    (1.2, {"samples": 2, "reflection_steps": 16, **CHEAP}),
-    (1.2, {"samples": 4, "reflection_steps": 16}),
-    (1.2, {"samples": 8, "reflection_steps": 16}),
-    (1.2, {"samples": 16, "reflection_steps": 32, **FINE}),
-    (2.0, {"samples": 16, "reflection_steps": 32, **FINE}),
+    (0.4, {"intersection_steps": 1, "reflection_steps": 0, "use_exact_fresnel": False, **CHEAP}),
+    (0.4, {"reflection_steps": 8, **CHEAP}),
+    (0.8, {"reflection_steps": 8, **CHEAP}),
+    (0.8, {"intersection_steps": 6, "reflection_steps": 16}),
+    (1.2, {"intersection_steps": 6, "reflection_steps": 32}),
+    (1.6, {"intersection_steps": 6, "reflection_steps": 32, "photon_size": 512}),
+    (1.6, {"samples": 2, "intersection_steps": 6, "reflection_steps": 32, "photon_size": 512}),
+    (1.6, {"samples": 4, "intersection_steps": 6, "reflection_steps": 32, "photon_size": 512}),
+    (1.6, {"samples": 4, "reflection_steps": 64, **FINE}),
+    (2.4, {"samples": 4, "reflection_steps": 64, **FINE}),
+    (1.2, {"samples": 16, "reflection_steps": 64, **FINE}),
 )
 """Texels of the texture for each pixel of the picture's longer side, and what differs from the base."""
 
-FEW_COMBINATIONS = (3, 8)
+FEW_COMBINATIONS = (2, 10)
 """Those that are measured for techniques other than Lake."""
 
 DEFAULT = "LAKE"
@@ -143,10 +141,10 @@ def points(technique: str, longer_side: int, *, quick: bool = False) -> list[dic
     """All that is measured of a technique, each once: the qualities, the base, sweeps and combinations.
 
     The finest quality is measured of the techniques alone that follow rays: what limits the others is not its
-    to mend. quick: one quality, the base and two others, to try the program.
+    to mend. quick: two qualities, the base and two others, to try the program.
     """
     names = list(QUALITIES) if technique in (DEFAULT, "TRACED") else list(QUALITIES)[:-1]
-    found = [quality_point(technique, name, longer_side) for name in (names[:1] if quick else names)]
+    found = [quality_point(technique, name, longer_side) for name in (names[:2] if quick else names)]
     found.append(point(technique, {}))
     if quick:
         few = [p for s in SWEEPS if s.dial in ("texture_size", "c") for p in sweep_points(technique, s)]

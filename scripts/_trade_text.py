@@ -33,8 +33,8 @@ Errors are rounded up, speeds down.
 frame; each beside a picture of the same scene without water, drawn in turn with it. *Time* is the median of
 these ratios: how many dry scenes a picture costs. A picture of the dry scene has one sample.
 
-**Settings.** One at a time around a base, which is what Balanced comes to at this size, and combinations.
-Settings that a technique does not read are not varied."""
+**Settings.** One at a time around a base, and combinations. Settings that a technique does not read
+are not varied."""
 
 LIMITS_BEGIN = """The least mean FLIP on the water that any measured setting leaves, by scene; below, its
 cause, in the scene that shows it best."""
