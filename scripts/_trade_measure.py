@@ -28,6 +28,7 @@ from _trade_points import (
     points,
     quality_point,
     to_cells,
+    without_caustics,
 )
 from _trade_scenes import FRAME, TRADE_SCENES, open_scene
 from _trade_table import (
@@ -399,7 +400,8 @@ def _fingerprint(snapshot: SceneSnapshot, camera: Camera) -> str:
     for material in snapshot.materials.values():
         add((material.base_color, material.image, material.alpha_threshold))
     for body in snapshot.waters:
-        add((body.matrix, body.grid, replace(body.settings, own=(), images=())))
+        # Not how finely the surface is drawn: the references have the waves themselves.
+        add((body.matrix, body.grid and body.grid[1:], replace(body.settings, own=(), images=())))
     if snapshot.sun is not None:
         add((snapshot.sun.direction, snapshot.sun.irradiance))
     add((snapshot.sky.irradiance_sh, snapshot.sky.image, snapshot.sky.strength, snapshot.sky.rotation))
@@ -534,9 +536,9 @@ def _now() -> str:
 
 
 def is_kept(technique: str, settings: Settings, longer_side: int) -> bool:
-    """Whether the picture of a point is shown in the report: qualities and the base."""
+    """Whether the picture of a point is shown in the report: qualities, and the base."""
     shown = [quality_point(technique, name, longer_side) for name in QUALITIES]
-    return settings in (*shown, point(technique, {}))
+    return settings in (*shown, point(technique, {}), without_caustics(longer_side))
 
 
 def current_commit() -> str:

@@ -124,6 +124,11 @@ def quality_point(technique: str, quality: str, longer_side: int) -> dict[str, o
     return point(technique, quality_settings(quality, longer_side))
 
 
+def without_caustics(longer_side: int) -> dict[str, object]:
+    """Balanced without what Cycles does not have either, to be compared with that."""
+    return point(DEFAULT, {**quality_settings("BALANCED", longer_side), "use_caustics": False})
+
+
 def sweep_points(technique: str, sweep: Sweep) -> list[dict[str, object]]:
     """The base (as changed by `around`) and the points of a sweep; nothing where the dial does not count."""
     if not has_effect(sweep.dial, technique) and sweep.dial != "samples":
@@ -146,6 +151,8 @@ def points(technique: str, longer_side: int, *, quick: bool = False) -> list[dic
     names = list(QUALITIES) if technique in (DEFAULT, "TRACED") else list(QUALITIES)[:-1]
     found = [quality_point(technique, name, longer_side) for name in (names[:2] if quick else names)]
     found.append(point(technique, {}))
+    if technique == DEFAULT:
+        found.append(without_caustics(longer_side))
     if quick:
         few = [p for s in SWEEPS if s.dial in ("texture_size", "c") for p in sweep_points(technique, s)]
         return _once([*found, *few[1:2], *few[-1:]])

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from _bench_report import Table
 from _trade_front import Row, better_than, front, mean_rows, quality_rows, row_of, write_rows
-from _trade_points import BASE, DEFAULT, DIALS, optics_of, point
+from _trade_points import BASE, DEFAULT, DIALS, optics_of, point, without_caustics
 from _trade_table import ERRORS, KEY, TIMES, picture_file, reference_file
-from _trade_text import AIMS, HOW, INTRODUCTION, LIMITS, LIMITS_BEGIN
+from _trade_text import AGREEMENT, AIMS, ENGINES, HOW, INTRODUCTION, LIMITS, LIMITS_BEGIN
 
 from lake_water_addon.core.quality import QUALITIES
 from lake_water_addon.core.techniques import TECHNIQUES
@@ -30,7 +30,8 @@ EEVEE_SAMPLES = 16
 class Engine:
     """A picture by another engine. values: `flip`, `ratio`, `seconds` and more.
 
-    to_converged: FLIP on the water from Cycles' converged picture.
+    others: part of the processor that other programs had. to_converged: FLIP on the water from Cycles'
+    converged picture.
     """
 
     scene: str
@@ -42,6 +43,7 @@ class Engine:
     converged: bool
     values: Mapping[str, float]
     picture: np.ndarray | None
+    others: float
     to_converged: float = math.nan
 
 
@@ -61,6 +63,11 @@ class Measured:
 
     def quality(self, scene: str, name: str, technique: str = DEFAULT) -> Row | None:
         return next((r for r in self.of(scene, technique) if r.quality == name), None)
+
+    def without_caustics(self, scene: str) -> Row | None:
+        """Lake's Balanced without them."""
+        of = self.of(scene, DEFAULT)
+        return next((r for r in of if r.settings == without_caustics(max(r.size))), None)
 
     def picture(self, row: Row) -> np.ndarray | None:
         """(h, w, 3), None where it was not kept."""
@@ -116,8 +123,6 @@ def read_measured(folder: Path) -> Measured:
 
 
 def _engines(measured: Measured) -> list[Engine]:
-    from scripts.reference.measures import picture_error
-
     found = []
     for line in _newest(_lines(measured.folder / "engines.csv")):
         if line["scene"] not in measured.labels:
@@ -139,6 +144,7 @@ def _engines(measured: Measured) -> list[Engine]:
                 line["converged"] == "yes",
                 numbers,
                 picture,
+                float(line["others"]),
             )
         )
     compared = []
@@ -147,8 +153,7 @@ def _engines(measured: Measured) -> list[Engine]:
         away = math.nan
         if converged is not None and e is not converged and e.picture is not None:
             water = measured.reference(measured.of(e.scene, DEFAULT)[0])[1]
-            exposure = measured.exposure(e.scene)
-            away = picture_error(converged.picture, e.picture, water, exposure=exposure).flip
+            away = _flip(measured, e.scene, converged.picture, e.picture, water)
         compared.append(Engine(**{**e.__dict__, "to_converged": away}))
     return compared
 
@@ -376,17 +381,21 @@ def engines_table(measured: Measured) -> Table:
         of = [e for e in measured.engines if e.scene == scene]
         if not of:
             continue
-        balanced = measured.quality(scene, "BALANCED")
-        if balanced is not None:
-            rows.append(
-                (
-                    f"{label}: Lake, Balanced",
-                    f"{balanced['seconds']:.2f}",
-                    _ratio(balanced["ratio"]),
-                    _error(balanced["flip"]),
-                    _error(_to_converged(measured, balanced)),
+        for words, row in (
+            ("Lake, Balanced", measured.quality(scene, "BALANCED")),
+            ("Lake, Balanced, no caustics", measured.without_caustics(scene)),
+        ):
+            if row is not None:
+                rows.append(
+                    (
+                        f"{label}: {words}",
+                        f"{row['seconds']:.2f}",
+                        _ratio(row["ratio"]),
+                        _error(row["flip"]),
+                        _error(_to_converged(measured, row)),
+                        "",
+                    )
                 )
-            )
         rows += [
             (
                 f"{label}: {e.label}",
@@ -394,11 +403,13 @@ def engines_table(measured: Measured) -> Table:
                 _ratio(e.values.get("ratio", math.nan)),
                 _error(e.values.get("flip", math.nan)),
                 _error(e.to_converged),
+                _percent(e.others, 0),
             )
             for e in of
         ]
     return Table(
-        ("picture", "s", "time", "FLIP to the image truth", "FLIP to Cycles' converged picture"), rows
+        ("picture", "s", "time", "FLIP to the image truth", "FLIP to Cycles' converged picture", "shared"),
+        rows,
     )
 
 
@@ -408,13 +419,10 @@ def _converged(measured: Measured, scene: str) -> Engine | None:
 
 def _to_converged(measured: Measured, row: Row) -> float:
     """FLIP on the water between a kept picture and Cycles' converged one."""
-    from scripts.reference.measures import picture_error
-
     converged, picture = _converged(measured, row.scene), measured.picture(row)
     if converged is None or converged.picture is None or picture is None:
         return math.nan
-    water = measured.reference(row)[1]
-    return picture_error(converged.picture, picture, water, exposure=measured.exposure(row.scene)).flip
+    return _flip(measured, row.scene, converged.picture, picture, measured.reference(row)[1])
 
 
 def cycles_ratio_at(engines: Sequence[Engine], flip: float) -> tuple[float, str]:
@@ -529,31 +537,35 @@ def _engine_aims(measured: Measured, scene: str, label: str) -> list[tuple[str, 
     return rows
 
 
-def _agreement(measured: Measured) -> Table | None:
-    """Cycles' converged picture against the image truth."""
-    from scripts.reference.measures import picture_error
-
+def agreement_table(measured: Measured) -> Table:
+    """Cycles' pictures without visible noise against the image truths, on the water."""
     rows = []
-    for scene, label in measured.labels.items():
-        converged = _converged(measured, scene)
-        if converged is None or converged.picture is None:
+    for e in measured.engines:
+        if e.picture is None or not (e.converged or e.direct):
             continue
         cells = []
         for technique in (DEFAULT, "TRACED"):
-            model = next(iter(measured.of(scene, technique)), None)
+            model = next(iter(measured.of(e.scene, technique)), None)
             true = measured.reference(model) if model else None
             if true is None:
                 cells += ["", ""]
                 continue
             radiance, water = true
-            flip = picture_error(radiance, converged.picture, water, exposure=measured.exposure(scene)).flip
-            bright = np.average(converged.picture.mean(axis=2), weights=water) / np.average(
+            bright = np.average(e.picture.mean(axis=2), weights=water) / np.average(
                 radiance.mean(axis=2), weights=water
             )
-            cells += [_error(flip), f"{bright:.3f}"]
-        rows.append((label, *cells))
-    header = ("scene", "to the model: FLIP", "brightness", "to the physics: FLIP", "brightness")
-    return Table(header, rows) if rows else None
+            cells += [_error(_flip(measured, e.scene, radiance, e.picture, water)), f"{bright:.3f}"]
+        rows.append((f"{measured.labels[e.scene]}: {e.label}", *cells))
+    header = ("picture", "to the model: FLIP", "brightness", "to the physics: FLIP", "brightness")
+    return Table(header, rows)
+
+
+def _flip(
+    measured: Measured, scene: str, reference: np.ndarray, picture: np.ndarray, water: np.ndarray
+) -> float:
+    from scripts.reference.measures import picture_error
+
+    return picture_error(reference, picture, water, exposure=measured.exposure(scene)).flip
 
 
 def _about(measured: Measured) -> str:
@@ -616,10 +628,11 @@ def _section_scenes(measured: Measured, images: Path) -> list[str]:
             text.append(f"![{label}: qualities and their error]({IMAGES}/{scene}_maps.jpg)")
     engines = engines_table(measured)
     if engines.rows:
-        text += ["## Other engines", engines.markdown()]
-        agreement = _agreement(measured)
-        if agreement is not None:
-            text += ["Cycles' converged picture against the image truth, on the water:", agreement.markdown()]
+        text += [ENGINES, engines.markdown()]
+        for scene, label in measured.labels.items():
+            if _engine_maps(measured, scene, images / f"{scene}_engines.jpg"):
+                text.append(f"![{label}: engines]({IMAGES}/{scene}_engines.jpg)")
+        text += [AGREEMENT, agreement_table(measured).markdown()]
     return text
 
 
@@ -649,6 +662,43 @@ def _maps(measured: Measured, scene: str, path: Path) -> bool:
         below.append((f"mean on the water {_error(row['flip'])}", flip_colors(maps.flip)))
     if not above:
         return False
+    contact_sheet([above, below], path)
+    return True
+
+
+def _engine_maps(measured: Measured, scene: str, path: Path) -> bool:
+    """Cycles' converged picture, ours and other engines', and below their FLIP from it; False without."""
+    from _trade_plots import contact_sheet, flip_colors, to_8_bit
+
+    from scripts.reference.measures import displayed, error_maps
+
+    converged = _converged(measured, scene)
+    balanced = measured.quality(scene, "BALANCED")
+    if converged is None or converged.picture is None or balanced is None:
+        return False
+    exposure = measured.exposure(scene)
+    shown = [("Lake, Balanced", measured.picture(balanced), balanced["ratio"])]
+    plain = measured.without_caustics(scene)
+    if plain is not None:
+        shown.append(("Lake, no caustics", measured.picture(plain), plain["ratio"]))
+    for engine, samples, denoised in (
+        ("EEVEE", EEVEE_SAMPLES, False),
+        ("CYCLES", 16, False),
+        ("CYCLES", 16, True),
+    ):
+        shown += [
+            (e.label, e.picture, e.values["ratio"])
+            for e in measured.engines
+            if (e.scene, e.engine, e.samples, e.denoised) == (scene, engine, samples, denoised)
+        ]
+    above = [(converged.label, to_8_bit(displayed(converged.picture, exposure)))]
+    below: list[tuple[str, np.ndarray | None]] = [("FLIP of each: black 0, pale 1", None)]
+    for label, picture, ratio in shown:
+        if picture is not None:
+            above.append((f"{label}: time {_ratio(ratio)}", to_8_bit(displayed(picture, exposure))))
+            flip = error_maps(converged.picture, picture, exposure).flip
+            mean = np.average(flip, weights=measured.reference(balanced)[1])
+            below.append((f"mean on the water {_error(mean)}", flip_colors(flip)))
     contact_sheet([above, below], path)
     return True
 

@@ -36,6 +36,18 @@ these ratios: how many dry scenes a picture costs. A picture of the dry scene ha
 **Settings.** One at a time around a base, and combinations. Settings that a technique does not read
 are not varied."""
 
+ENGINES = """## Other engines
+
+The same scenes by EEVEE, with its ray tracing, and Cycles, on the water's own nodes, in the same run
+(`_trade_engines.py` tells the settings). A time is that of the next frame of an animation, with data kept
+between frames; *shared* is the part of the processor that other programs had meanwhile. Cycles' converged
+picture has 1024 samples for each pixel."""
+
+AGREEMENT = """Cycles against the image truths, on the water: FLIP, and mean brightness relative to them.
+*Direct light* is Cycles with no light between diffuse surfaces, as the references have none. Cycles shows
+no caustics here (its light comes through the surface on straight rays), and lets the sky's light into the
+water as physics has it."""
+
 LIMITS_BEGIN = """The least mean FLIP on the water that any measured setting leaves, by scene; below, its
 cause, in the scene that shows it best."""
 
