@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Callable
+from typing import NamedTuple
 
 COUNTS = {2: "two", 3: "three", 4: "four"}
 
@@ -16,6 +18,36 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text} is not a finite number")
     return value
+
+
+class Limit(NamedTuple):
+    """What a picture may take, TIME in s, or how far off it may be, in PIXELS or FLIP. text: as given."""
+
+    text: str
+    kind: str
+    value: float
+
+
+def _limit(text: str, units: dict[str, tuple[str, float]], example: str) -> Limit:
+    """units: kind and factor by what may follow the number."""
+    match = re.fullmatch(r"\s*([0-9.]+(?:e[-+]?\d+)?)\s*([a-z]+)\s*", text.lower())
+    if match is None or match[2] not in units:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a number and its unit like {example}")
+    kind, factor = units[match[2]]
+    value = factor * number(match[1])
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"{text}: must be more than 0")
+    return Limit(text.strip(), kind, value)
+
+
+def time_limit(text: str) -> Limit:
+    """Milliseconds or seconds that a picture may take."""
+    return _limit(text, {"ms": ("TIME", 1e-3), "s": ("TIME", 1.0)}, "33ms or 2s")
+
+
+def error_limit(text: str) -> Limit:
+    """Pixels or FLIP that a picture may be off."""
+    return _limit(text, {"px": ("PIXELS", 1.0), "flip": ("FLIP", 1.0)}, "1px or 0.05flip")
 
 
 def identifier(text: str) -> str:

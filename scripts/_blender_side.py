@@ -38,7 +38,7 @@ SUN_SETTINGS = (
 )
 SCENE_SETTINGS = (
     *("technique", "quality", "samples", "fov_ext", "texture_size", "intersection_steps"),
-    *("reflection_steps", "use_exact_fresnel", "use_exact_under_water"),
+    *("least_grid_resolution", "reflection_steps", "use_exact_fresnel", "use_exact_under_water"),
     *SUN_SETTINGS,
 )
 WATER_SETTINGS = ("k", "q", "c", "ior", "water_color", "depth")
@@ -89,7 +89,10 @@ def part_of(package: ModuleType, name: str) -> ModuleType:
 
 @dataclass
 class Job:
-    """What is to be rendered. water: the scene's water objects; notes: what a person should know."""
+    """What is to be rendered. water: the scene's water objects; notes: what a person should know.
+
+    budget: what was chosen for --budget or --max-error, as `_budget.choose` has it.
+    """
 
     package: ModuleType
     scene: bpy.types.Scene
@@ -97,6 +100,7 @@ class Job:
     frames: list[int]
     generated: bool
     notes: list[str]
+    budget: dict[str, Any] | None = None
 
     @property
     def default_camera(self) -> str:
@@ -514,6 +518,8 @@ def resolved_settings(job: Job, options: Namespace) -> dict[str, Any]:
     if settings["camera"] == "turntable":
         settings["frames"] = len(job.frames)  # the camera's speed follows from it
     settings["preset"] = options.preset
+    if job.budget is not None:
+        settings["budget"] = job.budget
     for name in SCENE_SETTINGS:
         settings[name] = _plain(getattr(scene.lake_water, name))
     place_of = part_of(job.package, "properties").place_of

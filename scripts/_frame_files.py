@@ -279,6 +279,14 @@ def ranges(numbers: Iterable[int]) -> list[list[int]]:
     return runs
 
 
+def recorded_settings(output: Output) -> dict[str, Any]:
+    """The settings that frames were made with, as their record says; empty where none can be read."""
+    try:
+        return dict(json.loads(output.record.read_text(encoding="utf-8"))["settings"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+
+
 class Record:
     """A small JSON file beside the frames: the settings that make them and which frames are done.
 

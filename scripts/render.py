@@ -37,7 +37,15 @@ for _folder in (str(CHECKOUT), str(SCRIPTS)):
     if _folder not in sys.path:
         sys.path.insert(0, _folder)
 
-from _arguments import count, identifier, number, numbers, size  # noqa: E402 - after the path
+from _arguments import (  # noqa: E402 - after the path
+    count,
+    error_limit,
+    identifier,
+    number,
+    numbers,
+    size,
+    time_limit,
+)
 from _console import STOPPED, Console, Interrupted, Interrupts, Progress, duration  # noqa: E402
 from _frame_files import (  # noqa: E402
     Output,
@@ -175,12 +183,27 @@ def build_parser(known: Known) -> argparse.ArgumentParser:
     add("--frame-start", type=int, metavar="N", help="number of the first one")
     add("--resolution", type=size, metavar="WxH", help="pixels")
     add("--samples", type=count, metavar="N", help="antialiasing: pictures that are averaged for one frame")
+    exactness = group.add_mutually_exclusive_group()
+    add = exactness.add_argument
     add(
         "--quality",
         type=identifier,
         choices=choices["quality"],
         help="sizes of textures, steps and samples, for the frames' size; options change what it sets",
     )
+    add(
+        "--budget",
+        type=time_limit,
+        metavar="33ms",
+        help="what a frame may take: measures settings on the first frame, and takes the most exact in it",
+    )
+    add(
+        "--max-error",
+        type=error_limit,
+        metavar="1px",
+        help="how far off a frame may be, in pixels or as 0.05flip: measures, and takes the fastest settings",
+    )
+    add = group.add_argument
     add(
         "--camera",
         choices=("turntable", "scene"),
@@ -217,6 +240,12 @@ def build_parser(known: Known) -> argparse.ArgumentParser:
         type=count,
         metavar="N",
         help="width and height of the refraction and reflection textures",
+    )
+    add(
+        "--least-grid-resolution",
+        type=count,
+        metavar="N",
+        help="vertices along each side of every grid of water, where its own has fewer",
     )
     add(
         "--intersection-steps",
@@ -543,6 +572,10 @@ def make(package: ModuleType, options: argparse.Namespace, context: Context) -> 
     for note in job.notes:
         context.console.warn(f"note: {note}")
 
+    if options.budget or options.max_error:
+        import _budget
+
+        _budget.choose(job, options, context)
     settings = _blender_side.resolved_settings(job, options)
     context.statistics.describe(job, settings)
     record = Record(output, settings)
@@ -560,6 +593,8 @@ def make(package: ModuleType, options: argparse.Namespace, context: Context) -> 
         if not record.done and output.kind != "STILL":
             record.remove_frames()  # nothing to resume
         raise
+    if job.budget is not None:
+        context.statistics.data["budget"] = _budget.report(job, options, context)
     if output.kind == "VIDEO":
         make_video(job, output, context)
     if options.contact_sheet:

@@ -129,6 +129,11 @@ def pixels(bpy: ModuleType, path: Path) -> np.ndarray:
         ("--output x --technique SEA", r"--technique: invalid choice: 'SEA' \(choose from .*LAKE"),
         ("--output x --caustics-method fast", r"--caustics-method: invalid choice: 'FAST' .*GPU_POINTS"),
         ("--output x --photon-size 0", r"--photon-size: 0 is too small"),
+        ("--output x --budget 33", r"--budget: '33': give a number and its unit like 33ms or 2s"),
+        ("--output x --budget 0ms", r"--budget: 0ms: must be more than 0"),
+        ("--output x --max-error 1m", r"--max-error: '1m': give a number and its unit like 1px or 0\.05flip"),
+        ("--output x --budget 33ms --max-error 1px", r"--max-error: not allowed with argument --budget"),
+        ("--output x --quality best --budget 1s", r"--budget: not allowed with argument --quality"),
         ("--output x --quality great", r"--quality: invalid choice: 'GREAT' .*BALANCED"),
         (
             "--output x --view sideways",
@@ -181,6 +186,9 @@ def test_wrong_command_line_is_refused_with_a_remedy(tmp_path: Path, arguments: 
         ("pool", "--view under", r"--view is for the demonstration lake: leave it away with .*pool\.blend"),
         ("pool", "--view dive --camera scene", r"--view dive moves the camera, and --camera scene does not"),
         ("pool", "--obj points.obj", r"--obj: .*points\.obj holds no faces"),
+        ("dry", "--budget 33ms", r"--budget: the scene has no water to measure"),
+        ("pool", "--budget 33ms --samples 2", r"--samples and --budget both decide .*give one of them"),
+        ("pool", "--max-error 1px --caustics", r"--caustics and --max-error both decide"),
         ("blind", "", r'"Scene" has no camera: .*--camera turntable'),
         ("dry", "--k 1", r"--k: the scene has no water to set it on"),
         ("broken", "", r"broken\.blend cannot be opened \(.*\): give a \.blend file"),
@@ -448,6 +456,40 @@ def test_a_quality_is_set_before_other_options_and_for_the_size_of_the_frames(
         expected["intersection_steps"] = others[1] if others else expected["intersection_steps"]
         del expected["viewport_samples"]  # not of a final render
         assert {name: settings[name] for name in expected} == expected
+
+
+def test_a_budget_is_measured_chosen_from_and_resumed(scenes: dict[str, Path], tmp_path: Path) -> None:
+    """The most exact of all settings are within an hour; nothing is nearer than a billionth of a pixel."""
+    arguments = (
+        scenes["pool"],
+        "--output",
+        "frames",
+        "--no-caustics",
+        "--no-shadows",
+        "--stats",
+        "stats.json",
+    )
+    said = render(*arguments, "--frames", 1, "--budget", "3600s", folder=tmp_path)
+    assert re.search(r"--budget 3600s: texture \d+, .*; expected .* ms a frame, .* px, FLIP ", said), said
+    stats = json.loads((tmp_path / "stats.json").read_text())
+    found = stats["budget"]
+    assert found["fits"] and found["settings"]["samples"] > 1
+    assert {name: stats["settings"][name] for name in found["settings"]} == found["settings"]
+    for values in (found["expected"], found["measured"]):
+        assert all(values[name] >= 0.0 for name in ("seconds", "pixels", "flip"))
+    # At the same frame they are the same.
+    assert found["measured"]["pixels"] == pytest.approx(found["expected"]["pixels"], rel=0.5)
+    assert found["measured"]["flip"] == pytest.approx(found["expected"]["flip"], rel=0.5)
+
+    said = render(*arguments, "--frames", 2, "--budget", "3600s", "--resume", folder=tmp_path)
+    assert "measuring" not in said and "1 of 2 frames are there" in said
+    assert json.loads((tmp_path / "stats.json").read_text())["budget"]["settings"] == found["settings"]
+
+    said = render(*arguments, "--frames", 1, "--max-error", "1e-9px", folder=tmp_path)
+    assert "note: nothing that was measured is within --max-error 1e-9px: the most exact is taken" in said
+    settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
+    assert settings["budget"]["fits"] is False
+    assert settings["samples"] == 8, "samples move nothing"
 
 
 def test_a_texture_beyond_the_limit_of_the_gpu_is_refused(
