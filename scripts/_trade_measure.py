@@ -56,6 +56,7 @@ from lake_water_addon.extract import camera_from_object
 from lake_water_addon.host import Host
 from lake_water_addon.render.frame import PassTimer
 from lake_water_addon.render.passes.accumulate import mean_target, picture_target
+from lake_water_addon.render.passes.hits import Hits
 from scripts.reference.images import bilinear, read_images
 from scripts.reference.measures import caustics_error, error_maps, picture_error
 from scripts.reference.optics import WaterOptics, physical_optics, project_optics
@@ -205,9 +206,14 @@ class SceneBench:
         if technique == DEFAULT and settings.get("use_caustics"):
             found |= self._caustics_errors(plan)
         # Last: it draws other textures.
-        centred = self._plan(technique, settings)
-        found |= self._hit_errors(centred)
+        found |= self._hit_errors(*self.hits(technique, settings))
         return {name: found.get(name, float("nan")) for name in ERRORS}, picture
+
+    def hits(self, technique: str, settings: Settings) -> tuple[FramePlan, Hits]:
+        """Where the pixels' middles look at FRAME, and the plan by which they do."""
+        self._advance(FRAME)
+        plan = self._plan(technique, settings)
+        return plan, self._wet.renderer.draw_hits(plan, self.size)
 
     def _plan(self, technique: str, settings: Settings) -> FramePlan:
         snapshot, camera = self._extracted(self._wet)
@@ -224,9 +230,9 @@ class SceneBench:
             errors |= {name + ending: getattr(error, name) for name in PICTURE_ERRORS}
         return errors
 
-    def _hit_errors(self, plan: FramePlan) -> dict[str, float]:
+    def _hit_errors(self, plan: FramePlan, hits: Hits) -> dict[str, float]:
         true = self.true_hits()
-        of = technique_errors(plan, self._wet.renderer.draw_hits(plan, self.size), true)
+        of = technique_errors(plan, hits, true)
         errors = {}
         for kind, error, ends in (
             ("refracted", of.refracted, true.refracted),
@@ -262,7 +268,8 @@ class SceneBench:
 
     # References
 
-    def _tracer(self, optics: str) -> Reference:
+    def tracer(self, optics: str) -> Reference:
+        """What traces rays through the scene at FRAME. optics: a key of OPTICS."""
         self._advance(FRAME)
         snapshot, _ = self._extracted(self._wet)
         images = read_images(snapshot)
@@ -286,7 +293,7 @@ class SceneBench:
 
     def _make_references(self) -> None:
         """With every optics. They bend light alike: photons are followed once and absorbed in all ways."""
-        tracers = {name: self._tracer(name) for name in OPTICS}
+        tracers = {name: self.tracer(name) for name in OPTICS}
         first = next(iter(tracers.values()))
         sun = first.snapshot.sun
         each = [
@@ -319,7 +326,7 @@ class SceneBench:
         """Where the rays through the pixels' middles go at FRAME."""
         if self._hits is None:
             _, camera = self._extracted(self._wet)
-            self._hits = true_hits(self._tracer("project"), camera, self.size)
+            self._hits = true_hits(self.tracer("project"), camera, self.size)
         return self._hits
 
     def _counted(self, camera) -> np.ndarray:
@@ -328,7 +335,7 @@ class SceneBench:
         if key not in self._counts:
             path = self._kept("light", key)
             if not path.exists():
-                sunlight = self._tracer("project").sunlight[0]
+                sunlight = self.tracer("project").sunlight[0]
                 counted = sunlight.count_texture(
                     camera, COUNTED, max(self._accuracy.photons // 4, 1), workers=self._workers
                 )

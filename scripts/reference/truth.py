@@ -13,9 +13,10 @@ import numpy as np
 
 from lake_water_addon.core import optics
 from lake_water_addon.core.hits import HitErrors, reflection_errors, refraction_errors
-from lake_water_addon.core.plan import FramePlan
+from lake_water_addon.core.plan import FramePlan, TexturePass
 from lake_water_addon.core.snapshot import Camera
 
+from .geometry import Geometry, clearance
 from .tracer import AIR, Meeting, Rays, Reference
 
 if TYPE_CHECKING:  # which needs a GPU
@@ -122,6 +123,20 @@ def _followed(reference: Reference, rays: Rays, met: Meeting, refracts: bool) ->
     direction = direction[which] / np.linalg.norm(direction[which], axis=1, keepdims=True)
     followed = rays.take(which)
     return followed._replace(origin=place[which], direction=direction, medium=medium[which]), which
+
+
+def hidden_from(texture_pass: TexturePass, points: np.ndarray, geometry: Geometry) -> np.ndarray:
+    """(n,) whether something on the pass's side of the water stands between its camera and points (n, 3).
+
+    The camera is a perspective one; where its view is no rotation, its rays are straight all the same.
+    """
+    towards = np.linalg.inv(texture_pass.view)[:3, 3] - points
+    length = np.linalg.norm(towards, axis=1)
+    towards = towards / length[:, None]
+    to_plane = (texture_pass.clip_height - points[:, 2]) / np.where(towards[:, 2] == 0.0, 1.0, towards[:, 2])
+    length = np.where(to_plane > 0.0, np.minimum(length, to_plane), length)
+    start = clearance(points)
+    return geometry.occluded(points + start * towards, towards, np.maximum(length - start[:, 0], 0.0))
 
 
 def technique_errors(plan: FramePlan, hits: Hits, true: TrueHits, i: int = 0) -> TechniqueErrors:

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from lake_water_addon.core.hits import hit_errors, texture_places
+from lake_water_addon.core.plan import plan_frame
+from lake_water_addon.core.settings import FrameSettings
 from scripts.reference.tracer import Reference
-from scripts.reference.truth import true_hits
+from scripts.reference.truth import hidden_from, true_hits
 from tests.gpu import scenes
 
 SIZE = (32, 24)
@@ -103,3 +105,28 @@ def test_places_in_a_texture():
     places = texture_places(camera.view, camera.projection, (100, 50))
     found = places(np.array([[0.0, 0.0, 0.0], [5.0, 0.0, -10.0]]))
     np.testing.assert_allclose(found, [[50.0, 25.0], [75.0, 0.0]], atol=1e-9)
+
+
+def test_what_hides_a_point_from_a_texture_camera():
+    """A box in the water hides what is behind it; what stands in the air does not."""
+    bed, box = scenes.grid_mesh("bed", 2, 60.0, -3.0), scenes.box_mesh("box", (1.0, 0.1, 0.5))
+    sand = scenes.Material("sand", np.ones(3))
+    sunken, dry = scenes.translation(0.0, 0.0, -1.0), scenes.translation(10.0, 0.0, 1.0)
+    scene = scenes.snapshot(
+        (bed, box),
+        (sand,),
+        (("bed", "sand", [np.eye(4)]), ("box", "sand", [sunken, dry])),
+        (scenes.water(half_size=30.0),),
+    )
+    camera = scenes.look_at((5.0, -10.0, 9.0), (5.0, 0.0, -1.0), SIZE)
+    refraction = plan_frame(scene, camera, FrameSettings(technique="SIMPLE_LAKE")).bodies[0].refraction
+    eye = np.array([5.0, -10.0, 9.0])
+
+    def on_bed(through):
+        sight = np.subtract(through, eye)
+        return eye + sight * (-12.0 / sight[2])
+
+    # Through the sunken box, beside it, and through the one in the air; then on the box's front.
+    points = [on_bed((0.0, 0.0, -1.0)), on_bed((2.0, 0.0, -1.0)), on_bed((10.0, 0.0, 1.0)), (0.0, -0.1, -1.0)]
+    found = hidden_from(refraction, np.array(points), Reference(scene).geometry)
+    np.testing.assert_array_equal(found, [True, False, False, False])
