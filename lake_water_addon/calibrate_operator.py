@@ -208,7 +208,7 @@ class LAKE_WATER_OT_calibrate(bpy.types.Operator):
             self._end()
             self.report({"INFO"}, "Calibration cancelled; what was measured before is kept")
             return {"CANCELLED"}
-        if event.type != "TIMER" or event.timer != now.timer:
+        if event.type != "TIMER":  # its own, or that of another: both are as good
             return {"RUNNING_MODAL"}
         calibration = now.calibration
         try:
