@@ -7,6 +7,7 @@ import csv
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -44,12 +45,12 @@ class Row:
     size: tuple[int, int]
     values: Mapping[str, float] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def key(self) -> tuple:
         """Equal for the same point in another scene."""
         return (self.technique, tuple(self.settings.items()))
 
-    @property
+    @cached_property
     def quality(self) -> str:
         """Which of QUALITIES it is, or empty."""
         names = (n for n in QUALITIES if quality_point(self.technique, n, max(self.size)) == self.settings)
