@@ -95,12 +95,12 @@ class Bench:
         self._references: list[FlipReference] = []
 
     def plan(
-        self, frame: FrameSettings, *, after: float = 0.0, settings: Settings | None = None, jitter=(0.0, 0.0)
+        self, frame: FrameSettings, *, after: float = 0.0, settings: Settings | None = None, **options
     ) -> FramePlan:
-        """The picture `after` seconds. settings: in place of those of the frame."""
+        """The picture `after` seconds. settings: in place of those of the frame; options: of `plan_frame`."""
         snapshot = replace(self.snapshot, time=self.snapshot.time + after)
         frame, snapshot = lay_over(frame, snapshot, settings or {})
-        return self.host.plan(snapshot, self.camera, None, settings=frame, jitter=jitter)
+        return self.host.plan(snapshot, self.camera, None, settings=frame, **options)
 
     def is_in_context(self) -> bool:
         """Whether the graphics context is the one that the host's framebuffers are of."""
@@ -162,7 +162,7 @@ class Bench:
         if sample == 0:
             mean.colors[0].clear(format="FLOAT", value=(0.0, 0.0, 0.0, 0.0))
         jitter = pixel_jitter(sample, samples, *self.size)
-        plan = self.plan(self.frame, after=after, settings=settings, jitter=jitter)
+        plan = self.plan(self.frame, after=after, settings=settings, jitter=jitter, samples=samples)
         self.host.renderer.draw_picture(plan, picture, PassTimer())
         self.host.renderer.mean.add(picture, mean, 1.0)
 

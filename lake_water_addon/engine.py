@@ -137,7 +137,12 @@ class LakeWaterRenderEngine(bpy.types.RenderEngine):
             if self.test_break():
                 return None
             plan = host.plan(
-                snapshot, camera, scene, window=window, jitter=pixel_jitter(sample, samples, *whole)
+                snapshot,
+                camera,
+                scene,
+                window=window,
+                jitter=pixel_jitter(sample, samples, *whole),
+                samples=samples,
             )
             renderer.draw_picture(plan, picture, timer, transparent=scene.render.film_transparent)
             with timer.measure("mean", mean.framebuffer):

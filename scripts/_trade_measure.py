@@ -156,7 +156,7 @@ class SceneBench:
             frame = FrameSettings(technique=technique, **ALWAYS, **frame_changes(settings))
         for sample in range(samples):
             jitter = pixel_jitter(sample, samples, *self.size)
-            plan = host.plan(snapshot, camera, self.scene, settings=frame, jitter=jitter)
+            plan = host.plan(snapshot, camera, self.scene, settings=frame, jitter=jitter, samples=samples)
             renderer.draw_picture(plan, picture, PassTimer())
             renderer.mean.add(picture, mean, 1.0 / samples)
         with mean.framebuffer.bind():

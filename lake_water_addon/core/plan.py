@@ -75,6 +75,9 @@ SCHLICK = 5.0
 MIRRORED_REACH = 0.5
 """Part of the distance of what is seen within which also what only the water shows gets shadows, at least."""
 
+LEAST_LOD_BIAS = -2.0
+"""n averaged samples lie closer than pixels by sqrt(n), and so may an image's texels: by 4 is enough."""
+
 LEAST_SUN = 1e-3
 """Least z of the direction to a sun that lights the water: at 0.06 degrees all of it is reflected."""
 
@@ -181,7 +184,9 @@ class FramePlan:
 
     shadows: cameras along the sun for the shadows of what stands above the water; each holds what the view
     sees within a distance, the nearest first. Empty without sun or shadows. near_plane: where the picture
-    begins. whole_height: of the whole picture, as a multiple of the drawn part's.
+    begins. whole_height: of the whole picture, as a multiple of the drawn part's. lod_bias:
+    levels of detail by which materials' images are looked up sharper (less than 0) than for a picture of one
+    sample.
     """
 
     snapshot: SceneSnapshot
@@ -195,6 +200,7 @@ class FramePlan:
     near_plane: NearPlane
     whole_height: float
     glow: GlowPlan
+    lod_bias: float
 
     @property
     def reflection_depth(self) -> bool:
@@ -237,6 +243,7 @@ def plan_frame(
     *,
     window: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
     jitter: tuple[float, float] = (0.0, 0.0),
+    samples: int = 1,
     extents: Extents | None = None,
 ) -> FramePlan:
     """Plan one picture.
@@ -244,7 +251,8 @@ def plan_frame(
     camera: of the whole picture; window: the part (left, bottom, right, top) of it that is
     drawn, in 0..1 (a border render). The textures are those of the whole picture, so that a
     part of it looks the same when drawn alone. jitter: shift of the picture in device
-    coordinates, for antialiasing. extents: of the last plan's scene, used again while they hold.
+    coordinates, for antialiasing; samples: pictures so shifted that are averaged. extents: of the
+    last plan's scene, used again while they hold.
     """
     technique = TECHNIQUES[settings.technique]
     waters = tuple(_as_drawn(body, technique, settings) for body in snapshot.waters)
@@ -277,7 +285,18 @@ def plan_frame(
     ]
     glow = plan_glow(snapshot.sun, steady, surfaces, settings, window=window, jitter=jitter)
     return FramePlan(
-        snapshot, origin, drawn, bodies, settings, technique, shadows, extents, begin, whole_height, glow
+        snapshot,
+        origin,
+        drawn,
+        bodies,
+        settings,
+        technique,
+        shadows,
+        extents,
+        begin,
+        whole_height,
+        glow,
+        max(-0.5 * float(np.log2(samples)), LEAST_LOD_BIAS),
     )
 
 

@@ -32,7 +32,7 @@ void main()
   float one_texel = fwidth(beyond);
 #endif
 #ifdef TEXTURED
-  vec4 texel = texture(base_image, v_uv);
+  vec4 texel = texture(base_image, v_uv, pass_view.clip.z);
   if (texel.a < base_color.a) {
     discard;
   }

@@ -23,7 +23,7 @@ struct View {
   mat4 projection;
   mat4 clip_to_direction; // perspective: device coordinates to the direction of sight in render space, not unit
   vec4 eye;               // xyz: position; orthographic: unit direction towards the viewer; w: 1 when orthographic
-  vec4 clip;              // x: +1 keeps what is below, -1 what is above, 0 all; y: height of the plane
+  vec4 clip;              // x: +1 keeps what is below, -1 what is above, 0 all; y: height of the plane; z: bias of images' level of detail
 };
 
 struct Water {

@@ -88,7 +88,9 @@ class FrameRenderer:
 
     def _view(self, plan: FramePlan) -> GPUUniformBuf:
         camera = plan.camera
-        return self._filled(plan, ("view",), lambda: uniforms.view(camera.view, camera.projection))
+        return self._filled(
+            plan, ("view",), lambda: uniforms.view(camera.view, camera.projection, lod_bias=plan.lod_bias)
+        )
 
     def _water_of(self, plan: FramePlan, i: int) -> GPUUniformBuf:
         """Body `i` with the cameras of what is looked up from the air."""
@@ -201,7 +203,7 @@ class FrameRenderer:
     ) -> None:
         body, water = plan.bodies[i], in_water.sun_in_water.water
         target = textures.refraction_target(self.targets, i, plan.settings.texture_size)
-        view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction))
+        view = self._block("refraction", i).update(*uniforms.texture_view(body.refraction, plan))
         with timer.measure("refraction", target.framebuffer):
             if body.refraction.keep:
                 textures.draw_refraction(self._geometry, body.refraction, target, in_water, view, water)
@@ -210,7 +212,7 @@ class FrameRenderer:
                     self._geometry, body.refraction, target, in_air, in_water, view
                 )
         target = self._reflection_target(i, plan)
-        view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection))
+        view = self._block("reflection", i).update(*uniforms.texture_view(body.reflection, plan))
         with timer.measure("reflection", target.framebuffer):
             textures.draw_reflection(self._geometry, body.reflection, target, in_air, view, water)
 
@@ -233,11 +235,11 @@ class FrameRenderer:
         if not under.refraction.drawn:
             return
         target = textures.refraction_from_below_target(self.targets, i, size)
-        view = self._block("refraction from below", i).update(*uniforms.texture_view(under.refraction))
+        view = self._block("refraction from below", i).update(*uniforms.texture_view(under.refraction, plan))
         with timer.measure("refraction", target.framebuffer):
             textures.draw_reflection(self._geometry, under.refraction, target, in_air, view, water)
         target = textures.reflection_from_below_target(self.targets, i, size)
-        view = self._block("reflection from below", i).update(*uniforms.texture_view(under.reflection))
+        view = self._block("reflection from below", i).update(*uniforms.texture_view(under.reflection, plan))
         plane = self._block("mirrored near plane", i).update(*uniforms.near_plane(under.mirrored_plane))
         with timer.measure("reflection", target.framebuffer):
             textures.draw_reflection_from_below(
@@ -420,7 +422,7 @@ class FrameRenderer:
                 ]
             for name, planned, draw in passes:
                 target = hits.texture_target(self.targets, name, i, plan.settings.texture_size)
-                view = self._block(name, i).update(*uniforms.texture_view(planned))
+                view = self._block(name, i).update(*uniforms.texture_view(planned, plan))
                 with timer.measure("hits", target.framebuffer):
                     draw(self._geometry, planned, target, look, view, self._water_of(plan, i))
 

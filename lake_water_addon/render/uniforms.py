@@ -73,7 +73,11 @@ def clip_to_direction(view_matrix: np.ndarray, projection: np.ndarray) -> np.nda
 
 
 def view(
-    view_matrix: np.ndarray, projection: np.ndarray, keep: int = 0, clip_height: float = 0.0
+    view_matrix: np.ndarray,
+    projection: np.ndarray,
+    keep: int = 0,
+    clip_height: float = 0.0,
+    lod_bias: float = 0.0,
 ) -> list[np.ndarray]:
     """Members of struct View."""
     if cameras.is_orthographic(projection):
@@ -85,13 +89,14 @@ def view(
         projection.T,
         clip_to_direction(view_matrix, projection).T,
         eye,
-        np.array([keep, clip_height, 0.0, 0.0]),
+        np.array([keep, clip_height, lod_bias, 0.0]),
     ]
 
 
-def texture_view(texture_pass: TexturePass) -> list[np.ndarray]:
-    """Members of struct View for a pass into a texture."""
-    return view(texture_pass.view, texture_pass.projection, texture_pass.keep, texture_pass.clip_height)
+def texture_view(texture_pass: TexturePass, plan: FramePlan) -> list[np.ndarray]:
+    """Members of struct View for a pass of a plan into a texture."""
+    camera = texture_pass.view, texture_pass.projection
+    return view(*camera, texture_pass.keep, texture_pass.clip_height, plan.lod_bias)
 
 
 def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[np.ndarray]:

@@ -289,3 +289,8 @@ def test_the_grid_is_as_fine_as_the_picture_asks_for():
     for least, expected in ((own[0] + 7, own[0] + 7), (own[0] - 1, own[0])):
         (drawn,) = planned(scene, ABOVE, least_grid_resolution=least).bodies
         assert drawn.body.grid == (expected, *own[1:])
+
+
+@pytest.mark.parametrize("samples, bias", [(1, 0.0), (4, -1.0), (16, -2.0), (1000, -2.0)])
+def test_images_are_sharper_by_as_much_as_samples_lie_closer(samples, bias):
+    assert plan.plan_frame(snapshot(body()), ABOVE, FrameSettings(), samples=samples).lod_bias == bias

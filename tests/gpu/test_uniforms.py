@@ -68,6 +68,7 @@ def member_arrays():
         scenes.look_at((1, -9, 5.2), (0, 1, 4)),
         FrameSettings(technique="TRACED", texture_size=64, intersection_steps=7, light_depth_size=64),
         jitter=(0.01, 0.02),
+        samples=4,
     )
     body_plan = plan.bodies[0]
     assert len(plan.shadows) == CASCADES
@@ -75,7 +76,7 @@ def member_arrays():
     begin = under_water.near_plane(plan.camera.view, plan.camera.projection)
     return {
         "Lights": uniforms.lights(plan),
-        "View": uniforms.texture_view(body_plan.reflection),
+        "View": uniforms.texture_view(body_plan.reflection, plan),
         "Water": uniforms.water(plan, body_plan),
         "WaterLight": uniforms.water_light(plan, body_plan),
         "Technique": [uniforms.technique(TracedSettings(1, 2, 3.0, (4.0, 5.0, 6.0)), plan)],
