@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from _trade_points import DIALS, Settings, from_cells, quality_point, to_cells
 
-from lake_water_addon.core.quality import QUALITIES
+from lake_water_addon.core.quality import QUALITIES, quality_settings
 from lake_water_addon.core.trade import Point, pareto_front
 
 FASTER = 0.9
@@ -21,17 +21,7 @@ FASTER = 0.9
 BETTER = 0.98
 """FLIP repeats exactly, but nobody sees a fiftieth of it: what is not better by more is as good."""
 
-QUALITY_DIALS = (
-    "samples",
-    "texture_size",
-    "fov_ext",
-    "intersection_steps",
-    "reflection_steps",
-    "use_exact_fresnel",
-    "caustics_size",
-    "photon_size",
-    "light_depth_size",
-)
+QUALITY_DIALS = tuple(name for name in quality_settings("BEST", 320) if name in DIALS)
 """What a quality sets. Points that differ in anything else show other water, not the same one better."""
 
 

@@ -15,7 +15,7 @@ from _bench_report import Table
 from _trade_front import Row, better_than, front, mean_rows, quality_rows, row_of, write_rows
 from _trade_points import BASE, DEFAULT, DIALS, optics_of, point, without_caustics
 from _trade_table import ERRORS, KEY, TIMES, picture_file, reference_file
-from _trade_text import AGREEMENT, AIMS, ENGINES, HOW, INTRODUCTION, LIMITS, LIMITS_BEGIN
+from _trade_text import AGREEMENT, AIMS, ENGINES, HOW, INTRODUCTION, LIMITS
 
 from lake_water_addon.core.quality import QUALITIES
 from lake_water_addon.core.techniques import TECHNIQUES
@@ -194,19 +194,20 @@ def _verdict(reached: bool) -> str:
 
 def _settings_words(settings: Mapping[str, object]) -> str:
     """A point of a quality's dials, in one line."""
-    exact = settings.get("use_exact_fresnel")
-    words = [
-        f"{settings['samples']} samples" if settings["samples"] != 1 else "1 sample",
-        f"texture {settings['texture_size']}, FOV {settings['fov_ext']:g}",
-        f"{settings['intersection_steps']} steps" if "intersection_steps" in settings else "",
-        f"reflection {settings['reflection_steps']}" if "reflection_steps" in settings else "",
-        "" if exact is None else "exact Fresnel" if exact else "Schlick",
-        f"caustics {settings['caustics_size']}/{settings['photon_size']}"
-        if "caustics_size" in settings
-        else "",
-        f"light {settings['light_depth_size']}" if "light_depth_size" in settings else "",
-    ]
-    return ", ".join(word for word in words if word)
+    steps = settings.get("caustics_steps", 1)
+    told = (
+        ("samples", lambda v: f"{v} samples" if v > 1 else "1 sample"),
+        ("texture_size", "texture {}".format),
+        ("fov_ext", "FOV {:g}".format),
+        ("least_grid_resolution", "grid {}".format),
+        ("intersection_steps", lambda v: f"{v} steps" if v > 1 else "1 step"),
+        ("reflection_steps", "reflection {}".format),
+        ("use_exact_fresnel", lambda v: "exact Fresnel" if v else "Schlick"),
+        ("caustics_size", "caustics {}".format),
+        ("photon_size", lambda v: f"photons {v}" + (f" of {steps} steps" if steps > 1 else "")),
+        ("light_depth_size", "light {}".format),
+    )
+    return ", ".join(say(settings[name]) for name, say in told if name in settings)
 
 
 def _other_words(settings: Mapping[str, object], base: Mapping[str, object]) -> str:
@@ -595,7 +596,7 @@ def write_report(folder: Path, to: Path) -> Path:
     text += ["## Aims", aims_table(measured).markdown()]
     text += _section_scenes(measured, images)
     text += _section_settings(measured, images)
-    text += _section_limits(measured, images)
+    text += [LIMITS, floors_table(measured).markdown()]
     path = to / "trade.md"
     path.write_text("\n\n".join(part for part in text if part) + "\n")
     return path
@@ -730,39 +731,4 @@ def _section_settings(measured: Measured, images: Path) -> list[str]:
     if caustics.rows:
         text.append("Caustics against the count of photons: correlation, contrast and energy (1 is equal):")
         text.append(caustics.markdown())
-    return text
-
-
-def _section_limits(measured: Measured, images: Path) -> list[str]:
-    from _trade_plots import contact_sheet, flip_colors, to_8_bit
-
-    from scripts.reference.measures import displayed, error_maps
-
-    text = ["## What limits each technique", LIMITS_BEGIN, floors_table(measured).markdown()]
-    for technique, (scene, words) in LIMITS.items():
-        rows = [r for r in measured.of(scene, technique) if r.quality]
-        kept = [(r, measured.picture(r), measured.reference(r)) for r in rows]
-        kept = [k for k in kept if k[1] is not None and k[2] is not None]
-        label = TECHNIQUES[technique].label
-        text.append(f"### {label}\n\n{words}")
-        if not kept:
-            continue
-        row, picture, (true, _) = min(kept, key=lambda k: k[0]["flip"])
-        exposure = measured.exposure(scene)
-        path = images / f"limit_{technique.lower()}.jpg"
-        contact_sheet(
-            [
-                [
-                    (f"image truth: {measured.labels[scene]}", to_8_bit(displayed(true, exposure))),
-                    (f"{label}, {QUALITIES[row.quality].label}", to_8_bit(displayed(picture, exposure))),
-                    (
-                        f"FLIP, mean on the water {_error(row['flip'])}",
-                        flip_colors(error_maps(true, picture, exposure).flip),
-                    ),
-                ]
-            ],
-            path,
-            tile=(320, 240),
-        )
-        text.append(f"![What limits {label}]({IMAGES}/{path.name})")
     return text

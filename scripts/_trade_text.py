@@ -48,14 +48,7 @@ AGREEMENT = """Cycles against the image truths, on the water: FLIP, and mean bri
 no caustics here (its light comes through the surface on straight rays), and lets the sky's light into the
 water as physics has it."""
 
-LIMITS_BEGIN = """The least mean FLIP on the water that any measured setting leaves, by scene; below, its
-cause, in the scene that shows it best."""
+LIMITS = """## What limits each technique
 
-LIMITS = {
-    "LAKE": ("grazing", "Text."),
-    "SIMPLE_LAKE": ("tiled_pool", "Text."),
-    "POND": ("tiled_pool", "Text."),
-    "RIPPLE": ("steep_waves", "Text."),
-    "TRACED": ("grazing", "Text."),
-}
-"""For each technique a scene, and why no setting helps there."""
+The least mean FLIP on the water that any measured setting leaves, by scene. [limits.md](limits.md) shows why,
+for each technique."""
