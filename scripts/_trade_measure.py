@@ -130,7 +130,9 @@ class SceneBench:
     def _extracted(self, host: Host) -> tuple[SceneSnapshot, Camera]:
         snapshot = host.snapshot(self._depsgraph)
         camera = self._built.camera.evaluated_get(self._depsgraph)
-        return snapshot, camera_from_object(camera, self.scene, *self.size)
+        # How fine the surface is, the setting of the picture says alone.
+        waters = tuple(replace(body, grid=(2, *body.grid[1:])) for body in snapshot.waters)
+        return replace(snapshot, waters=waters), camera_from_object(camera, self.scene, *self.size)
 
     def is_under_water(self) -> bool:
         """Whether the picture begins in the water."""

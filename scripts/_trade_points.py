@@ -22,6 +22,7 @@ BASE: Settings = {
     "samples": 1,
     "texture_size": 512,
     "fov_ext": 1.5,
+    "least_grid_resolution": 128,
     "intersection_steps": 3,
     "reflection_steps": 16,
     "use_exact_fresnel": True,
@@ -59,6 +60,7 @@ SWEEPS = (
     Sweep("intersection_steps", "Intersection steps", (1, 2, 4, 6, 8, 16)),
     Sweep("texture_size", "Texture size", (128, 256, 1024, 2048), few=(128, 1024)),
     Sweep("fov_ext", "FOV extension", (1.0, 1.2, 2.0), few=(1.0,)),
+    Sweep("least_grid_resolution", "Grid resolution", (49, 256, 384), few=(256,)),
     Sweep("samples", "Samples", (2, 4, 16), few=(4,)),
     Sweep("reflection_steps", "Reflection steps", (0, 4, 8, 32)),
     Sweep("c", "Reflection offset c", (0.0, 3.0, 10.0, 100.0), {"reflection_steps": 0}, few=(10.0,)),
@@ -82,8 +84,20 @@ SWEEPS = (
 DIALS = tuple(dict.fromkeys((*BASE, *(sweep.dial for sweep in SWEEPS))))
 """Everything that a point may name, in the order of the table's columns."""
 
-CHEAP = {"fov_ext": 1.2, "caustics_size": 256, "photon_size": 128, "light_depth_size": 512}
-FINE = {"intersection_steps": 8, "caustics_size": 1024, "photon_size": 512, "light_depth_size": 2048}
+CHEAP = {
+    "fov_ext": 1.2,
+    "least_grid_resolution": 64,
+    "caustics_size": 256,
+    "photon_size": 128,
+    "light_depth_size": 512,
+}
+FINE = {
+    "intersection_steps": 8,
+    "least_grid_resolution": 256,
+    "caustics_size": 1024,
+    "photon_size": 512,
+    "light_depth_size": 2048,
+}
 
 COMBINATIONS: tuple[tuple[float, Settings], ...] = (
     (0.4, {"intersection_steps": 1, "reflection_steps": 0, "use_exact_fresnel": False, **CHEAP}),
