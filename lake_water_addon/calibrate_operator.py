@@ -267,7 +267,7 @@ class LAKE_WATER_OT_show_calibration(bpy.types.Operator):
         window = next(window for window in windows.windows if window not in known)
         area = window.screen.areas[0]
         area.ui_type = "IMAGE_EDITOR"
-        area.spaces.active.image = image
+        calibration_plot.put_into(window, area, image)
         return {"FINISHED"}
 
 

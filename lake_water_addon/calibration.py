@@ -227,7 +227,8 @@ def _axes_of(bench: Bench) -> Axes:
         if parameter.technique == bench.frame.technique and not parameter.is_image
     }
     largest = gpu.capabilities.max_texture_size_get()
-    return axes(bench.frame, own, max(bench.size), sunlit=bench.sunlit, largest=largest)
+    grid = max((body.grid[0] for body in bench.snapshot.waters if body.grid is not None), default=None)
+    return axes(bench.frame, own, max(bench.size), sunlit=bench.sunlit, largest=largest, grid=grid)
 
 
 # What a scene keeps
@@ -269,7 +270,10 @@ def store(scene: bpy.types.Scene, calibration: Calibration, view: str) -> None:
 
 def settings_of(point: LakeWaterCalibrationPoint) -> dict[str, object]:
     """By name. ValueError where a file was made by other hands, or another version."""
-    settings = json.loads(point.settings)
+    try:
+        settings = json.loads(point.settings)
+    except ValueError:
+        settings = None
     if not isinstance(settings, dict):
         raise ValueError(f"The calibration holds {point.settings!r} in place of settings: calibrate anew")
     return settings
@@ -375,6 +379,8 @@ _LABELS = {
 def words(settings: Settings) -> str:
     """A point's settings for a person."""
     found = [text.format(settings[name]) for name, text in _LABELS.items() if name in settings]
+    if settings.get("least_grid_resolution", 2) > 2:
+        found.append(f"grid {settings['least_grid_resolution']}")
     if "reflection_steps" in settings:
         steps = settings["reflection_steps"]
         found.append(f"reflections in {steps} steps" if steps else "reflections by offset")

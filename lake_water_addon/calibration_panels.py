@@ -7,8 +7,7 @@ from .calibrate_operator import camera_size, running
 from .calibration import differences, front_points, settings_of, words
 from .calibration_plot import time_text
 from .calibration_properties import UNKNOWN, LakeWaterCalibration
-from .panels import RenderSettings, SidebarOfScene, wrapped
-from .registration import register_classes, unregister_classes
+from .panel_parts import RenderSettings, SidebarOfScene, wrapped
 
 
 def _front(kept: LakeWaterCalibration) -> list[int]:
@@ -42,7 +41,6 @@ class LAKE_WATER_UL_calibration(bpy.types.UIList):
 class _Calibration:
     bl_label = "Calibration"
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = -1  # the budget and what follows choose from it
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -87,7 +85,8 @@ class VIEW3D_PT_lake_water_calibration(_Calibration, SidebarOfScene, bpy.types.P
     def draw_buttons(layout: bpy.types.UILayout) -> None:
         """Both sources: a 3D view shows itself, or the camera."""
         row = layout.row(align=True)
-        row.operator("lake_water.calibrate", text="This View").source = "VIEW"
+        row.label(text="Calibrate")
+        row.operator("lake_water.calibrate", text="View").source = "VIEW"
         row.operator("lake_water.calibrate", text="Camera").source = "CAMERA"
 
     @staticmethod
@@ -114,20 +113,3 @@ class RENDER_PT_lake_water_calibration(_Calibration, RenderSettings, bpy.types.P
         """As in the sidebar; None for a calibration of a view."""
         is_camera = context.scene.lake_water.calibration.view.startswith("camera")
         return camera_size(context.scene) if is_camera else None
-
-
-CLASSES = (
-    LAKE_WATER_UL_calibration,
-    VIEW3D_PT_lake_water_calibration,
-    RENDER_PT_lake_water_calibration,
-)
-
-
-def register() -> None:
-    """Add the panels."""
-    register_classes(CLASSES)
-
-
-def unregister() -> None:
-    """Remove the panels."""
-    unregister_classes(CLASSES)

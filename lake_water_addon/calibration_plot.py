@@ -217,20 +217,38 @@ def update_image(scene: bpy.types.Scene) -> bpy.types.Image | None:
     return image
 
 
+def mark_choice(scene: bpy.types.Scene) -> None:
+    """Draw the image again, where there is one, with the point that is chosen now."""
+    if NAME in bpy.data.images:
+        update_image(scene)
+
+
 def show(image: bpy.types.Image, window_manager: bpy.types.WindowManager) -> bool:
     """Show the image in an image editor that is open; returns whether there is one.
 
     One that shows it already, else one that shows nothing, else the first that a person doesn't paint in.
     """
-    spaces = [
-        area.spaces.active
-        for window in window_manager.windows
-        for area in window.screen.areas
-        if area.ui_type == "IMAGE_EDITOR"
-    ]
-    free = [s for s in spaces if s.image in (image, None) or (s.mode == "VIEW" and not s.use_image_pin)]
-    if not free:
-        return False
+    found = []
     order = {image: 0, None: 1}
-    min(free, key=lambda space: order.get(space.image, 2)).image = image
+    for window in window_manager.windows:
+        for area in window.screen.areas:
+            space = area.spaces.active
+            if area.ui_type != "IMAGE_EDITOR":
+                continue
+            if space.image in order or (space.mode == "VIEW" and not space.use_image_pin):
+                found.append((order.get(space.image, 2), window, area))
+    if not found:
+        return False
+    _, window, area = min(found, key=lambda place: place[0])
+    put_into(window, area, image)
     return True
+
+
+def put_into(window: bpy.types.Window, area: bpy.types.Area, image: bpy.types.Image) -> None:
+    """Show the image, all of it, in an image editor."""
+    if area.spaces.active.image == image:
+        return
+    area.spaces.active.image = image
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=region):
+        bpy.ops.image.view_all(fit_view=True)

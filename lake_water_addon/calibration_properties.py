@@ -25,10 +25,11 @@ MEASURES = {
 
 
 def _chosen(self: "LakeWaterCalibration", context: bpy.types.Context) -> None:
-    from .calibration import apply_point
+    from . import calibration, calibration_plot
 
     if 0 <= self.chosen < len(self.points):
-        apply_point(self.id_data, self.points[self.chosen])
+        calibration.apply_point(self.id_data, self.points[self.chosen])
+        calibration_plot.mark_choice(self.id_data)
 
 
 class LakeWaterCalibrationPoint(bpy.types.PropertyGroup):

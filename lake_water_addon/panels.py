@@ -8,12 +8,18 @@ from dataclasses import fields
 import bpy
 
 from . import budget, calibration, handlers
+from .calibration_panels import (
+    LAKE_WATER_UL_calibration,
+    RENDER_PT_lake_water_calibration,
+    VIEW3D_PT_lake_water_calibration,
+)
 from .core import parameters
 from .core.settings import CAUSTICS_METHODS
 from .core.techniques import TECHNIQUES, Technique
 from .extraction.materials import image_problem
 from .map_images import LABELS, image_messages
 from .operators import ENGINE_ID, shown_water
+from .panel_parts import LINE, RenderSettings, Sidebar, SidebarOfScene, SidebarOfWater, aligned, wrapped
 from .presets import LAKE_WATER_PT_presets
 from .properties import LakeWaterSceneSettings
 from .registration import register_classes, unregister_classes
@@ -44,57 +50,13 @@ UNSUITABLE = (
 )
 UNSUITABLE_PANELS = frozenset({"DATA_PT_preview", "EEVEE_MATERIAL_PT_viewport_settings", "OBJECT_PT_shading"})
 
-LINE = 35  # characters that fit into the sidebar at its first width
-
-
-class _Sidebar:
-    """A panel of the tab."""
-
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Lake Water"
-
-
-class _SidebarOfWater(_Sidebar):
-    """A sub-panel about the water object that is shown."""
-
-    bl_parent_id = "VIEW3D_PT_lake_water"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return shown_water(context) is not None
-
-
-class SidebarOfScene(_Sidebar):
-    """A sub-panel about the scene, of use once it has water."""
-
-    bl_parent_id = "VIEW3D_PT_lake_water"
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(handlers.waters(context.scene))
-
-
-def _aligned(layout: bpy.types.UILayout) -> bpy.types.UILayout:
-    """A column with names left and values right, as in Blender's own panels."""
-    layout.use_property_split = True
-    return layout.column()
-
-
-def wrapped(layout: bpy.types.UILayout, text: str, icon: str = "NONE") -> None:
-    """A text of several lines, the icon before the first."""
-    lines = layout.column(align=True)
-    for line in textwrap.wrap(text, LINE):
-        lines.label(text=line, icon=icon, translate=False)
-        icon = "NONE" if icon == "NONE" else "BLANK1"
-
 
 def _has_effect(context: bpy.types.Context, name: str) -> bool:
     """Whether the technique of the scene reads a parameter."""
     return parameters.has_effect(name, context.scene.lake_water.technique)
 
 
-class VIEW3D_PT_lake_water(_Sidebar, bpy.types.Panel):
+class VIEW3D_PT_lake_water(Sidebar, bpy.types.Panel):
     """What there is, and the buttons that make more of it."""
 
     bl_label = "Lake Water"
@@ -131,17 +93,17 @@ class VIEW3D_PT_lake_water(_Sidebar, bpy.types.Panel):
             row.operator("lake_water.set_parameters")
             row.operator("lake_water.reset_parameters", text="Reset")
             LAKE_WATER_PT_presets.draw_menu(layout, text="Presets")
-        _aligned(layout).prop(context.scene.lake_water, "technique")
+        aligned(layout).prop(context.scene.lake_water, "technique")
 
 
-class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
+class VIEW3D_PT_lake_water_water(SidebarOfWater, bpy.types.Panel):
     """The water's optics."""
 
     bl_label = "Water"
 
     def draw(self, context: bpy.types.Context) -> None:
         settings = shown_water(context).lake_water
-        column = _aligned(self.layout)
+        column = aligned(self.layout)
         # The sidebar is narrow: short labels here, the full names are in the tooltips.
         for name, label in (("k", "Attenuation k"), ("water_color", "Color")):
             if _has_effect(context, name):
@@ -163,7 +125,7 @@ class VIEW3D_PT_lake_water_water(_SidebarOfWater, bpy.types.Panel):
             column.prop(settings, "surface")
 
 
-class VIEW3D_PT_lake_water_own(_SidebarOfWater, bpy.types.Panel):
+class VIEW3D_PT_lake_water_own(SidebarOfWater, bpy.types.Panel):
     """What only the chosen technique reads, on the water object that is shown."""
 
     bl_label = ""
@@ -178,7 +140,7 @@ class VIEW3D_PT_lake_water_own(_SidebarOfWater, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         key = context.scene.lake_water.technique
         group = getattr(shown_water(context).lake_water, key.lower())
-        column = _aligned(self.layout)
+        column = aligned(self.layout)
         settings = _technique(context).settings
         for name, kind in settings.maps.items():
             self._draw_map(column, group, name, kind, f"{key.lower()}_{name}")
@@ -250,7 +212,7 @@ class LAKE_WATER_UL_waves(bpy.types.UIList):
         row.label(text=f"{math.degrees(item.direction):.0f}°", translate=False)
 
 
-class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
+class VIEW3D_PT_lake_water_waves(SidebarOfWater, bpy.types.Panel):
     """The shape of the surface."""
 
     bl_label = "Waves"
@@ -278,7 +240,7 @@ class VIEW3D_PT_lake_water_waves(_SidebarOfWater, bpy.types.Panel):
         buttons.label(icon="BLANK1")
         buttons.operator("lake_water.wave_add", icon="ADD", text="")
         buttons.operator("lake_water.wave_remove", icon="REMOVE", text="")
-        column = _aligned(layout)
+        column = aligned(layout)
         if settings.active_wave < len(settings.waves):
             wave = settings.waves[settings.active_wave]
             column.prop(wave, "amplitude")
@@ -297,7 +259,7 @@ def draw_render_settings(
 ) -> None:
     """The settings of the picture: in the sidebar and in the properties editor, both narrow."""
     settings = scene.lake_water
-    column = _aligned(layout)
+    column = aligned(layout)
     if with_technique:
         column.prop(settings, "technique")
         column.separator()
@@ -338,7 +300,7 @@ class _Budget:
     def draw(self, context: bpy.types.Context) -> None:
         scene = context.scene
         settings = scene.lake_water
-        column = _aligned(self.layout)
+        column = aligned(self.layout)
         column.prop(settings, "budget", text="Limit")
         if settings.budget == "OFF":
             return
@@ -381,7 +343,7 @@ class _Effect:
         has_sun = handlers.has_sun(context.scene, context.view_layer)
         if not has_sun:
             self.layout.label(text="No sun light in this scene", icon="INFO")
-        column = _aligned(self.layout)
+        column = aligned(self.layout)
         column.active = has_sun and self.is_used(settings)
         self.draw_values(column, settings)
 
@@ -481,19 +443,6 @@ class VIEW3D_PT_lake_water_display(SidebarOfScene, bpy.types.Panel):
                     lines.label(text=line, translate=False)
 
 
-class RenderSettings:
-    """A panel of the engine's settings in the properties editor."""
-
-    bl_space_type = "PROPERTIES"
-    bl_region_type = "WINDOW"
-    bl_context = "render"
-    COMPAT_ENGINES = {ENGINE_ID}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        return context.engine in cls.COMPAT_ENGINES
-
-
 class RENDER_PT_lake_water(RenderSettings, bpy.types.Panel):
     """The engine's settings."""
 
@@ -534,12 +483,15 @@ CLASSES = (
     LAKE_WATER_UL_waves,
     VIEW3D_PT_lake_water_waves,
     VIEW3D_PT_lake_water_rendering,
+    LAKE_WATER_UL_calibration,
+    VIEW3D_PT_lake_water_calibration,
     VIEW3D_PT_lake_water_budget,
     VIEW3D_PT_lake_water_caustics,
     VIEW3D_PT_lake_water_shadows,
     VIEW3D_PT_lake_water_glow,
     VIEW3D_PT_lake_water_display,
     RENDER_PT_lake_water,
+    RENDER_PT_lake_water_calibration,
     RENDER_PT_lake_water_budget,
     RENDER_PT_lake_water_caustics,
     RENDER_PT_lake_water_shadows,

@@ -23,7 +23,6 @@ MODULES = (
     "nodes.switching",
     "viewport",
     "panels",
-    "calibration_panels",
 )
 
 

@@ -24,6 +24,10 @@ RATIOS = (0.25, 0.5, 1.0, 1.6, 2.4, 4.0)
 LARGEST = 4096
 """Texels a side: no candidate has more, whatever the picture."""
 
+OWN_GRID = 2
+GRIDS = (OWN_GRID, 64, 128, 256)
+"""Vertices along each side of a water's grid; the least leaves it as it is."""
+
 _SIZES = ((256, 128), (512, 256), (1024, 512))
 
 GEOMETRY = {
@@ -52,6 +56,7 @@ BEST = {
     "traced_march_steps": 128,
     "traced_bisection_steps": 10,
     "fov_ext": 1.5,
+    "least_grid_resolution": 384,
     "caustics_size": 2048,
     "photon_size": 1024,
     "light_depth_size": 4096,
@@ -100,11 +105,20 @@ def light_of(settings: Settings) -> dict[str, object]:
     return {name: value for name, value in settings.items() if name in names - unused}
 
 
-def axes(frame: FrameSettings, own: Settings, longer_side: int, *, sunlit: bool, largest: int) -> Axes:
+def axes(
+    frame: FrameSettings,
+    own: Settings,
+    longer_side: int,
+    *,
+    sunlit: bool,
+    largest: int,
+    grid: int | None = None,
+) -> Axes:
     """What can be turned with the technique of a picture.
 
     frame: settings in use; own: those of the technique alone, by name; longer_side: of the picture, pixels;
-    sunlit: whether there is sunlight in the water; largest: texels a side that the device can hold.
+    sunlit: whether there is sunlight in the water; largest: texels a side that the device can hold; grid:
+    vertices along each side of the water's own grid, None without one.
     """
     technique = frame.technique
     largest = min(LARGEST, largest)
@@ -113,13 +127,16 @@ def axes(frame: FrameSettings, own: Settings, longer_side: int, *, sunlit: bool,
     for name, values in GEOMETRY.items():
         if name in own or (name not in OWN and has_effect(name, technique)):
             geometry[name] = tuple({name: value} for value in values)
+    if grid is not None:
+        finer = [value for value in GRIDS if value == OWN_GRID or value > grid]
+        geometry["least_grid_resolution"] = tuple({"least_grid_resolution": value} for value in finer)
     light = dict(LIGHT)
     if not sunlit or not frame.use_caustics:  # whoever switched them off wants none
-        del light["caustics"]
+        light.pop("caustics", None)
     if not sunlit or not (frame.use_caustics or frame.use_shadows):
-        del light["light_depth_size"]
+        light.pop("light_depth_size", None)
     if not has_effect("use_exact_fresnel", technique):
-        del light["use_exact_fresnel"]
+        light.pop("use_exact_fresnel", None)
     names = [
         *dict.fromkeys(
             name for group in (geometry, light) for options in group.values() for o in options for name in o
@@ -127,6 +144,8 @@ def axes(frame: FrameSettings, own: Settings, longer_side: int, *, sunlit: bool,
     ]
     current = {name: _shorter(own[name] if name in own else getattr(frame, name)) for name in names}
     base = current | {name: value for name, value in BASE.items() if name in current}
+    if grid is not None:
+        base["least_grid_resolution"] = 128 if grid < 128 else OWN_GRID
     best = current | {name: min(v, largest) for name, v in BEST.items() if name in current}
     return Axes(
         geometry,

@@ -11,11 +11,11 @@ from lake_water_addon.core.techniques import TECHNIQUES
 from lake_water_addon.core.trade import Point, pareto_front
 
 
-def of(technique="LAKE", longer_side=800, sunlit=True, largest=16384, own=None, **settings):
+def of(technique="LAKE", longer_side=800, sunlit=True, largest=16384, own=None, grid=None, **settings):
     frame = FrameSettings(technique=technique, **settings)
     if technique == "TRACED":
         own = {"traced_march_steps": 40, "traced_bisection_steps": 6, "traced_thickness": 0.5}
-    return candidates.axes(frame, own or {}, longer_side, sunlit=sunlit, largest=largest)
+    return candidates.axes(frame, own or {}, longer_side, sunlit=sunlit, largest=largest, grid=grid)
 
 
 @pytest.mark.parametrize("technique", TECHNIQUES)
@@ -38,6 +38,14 @@ def test_textures_follow_the_picture_and_the_device():
     found = of(longer_side=3840, largest=2048)
     assert max(option["texture_size"] for option in found.geometry["texture_size"]) == 2048
     assert all(not isinstance(v, int) or v <= 2048 for v in found.best.values())
+
+
+def test_grids_are_finer_than_the_water_s_own():
+    options = [o["least_grid_resolution"] for o in of(grid=100).geometry["least_grid_resolution"]]
+    assert options == [2, 128, 256]
+    assert of(grid=100).base["least_grid_resolution"] == 128
+    assert of(grid=1000).base["least_grid_resolution"] == 2
+    assert "least_grid_resolution" not in of().current
 
 
 def test_what_is_switched_off_stays_off():
