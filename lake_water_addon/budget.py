@@ -201,7 +201,7 @@ class Watch:
     """
 
     def __init__(self, pace: Pace | None, wait: Callable[[], object]) -> None:
-        self._pace = pace if pace is not None and pace.measures() else None
+        self._pace = pace if pace is not None and pace.measures(time.perf_counter()) else None
         self._wait = wait
         if self._pace is not None:
             wait()

@@ -75,6 +75,8 @@ class Pace:
     """A step up was right when it held for so many times the time that it was barred for, or DWELL."""
     EVERY = 3
     """Of so many frames one is measured, when all is well: measuring waits for the graphics card."""
+    SELDOM = 0.1
+    """s after which the next frame is measured in any case: slow ones are worth it."""
     MEMORY = 16
     """So many measured frames tell the spread."""
     NEEDED = 8
@@ -99,6 +101,7 @@ class Pace:
         self._slow: list[float] = []  # logarithms, of the slow frames in a row
         self._skip = 1  # frames to come that also make what the point needs: textures, shaders
         self._until_measured = 0
+        self._measured_at = -math.inf
         self._changed_at: float | None = None
         self._tried: int | None = None  # the point that the last step up went to
         self._held = self.index  # and the one that it came from
@@ -116,15 +119,15 @@ class Pace:
         """Median of the last measured frames of the point in use; None until there is one."""
         return self.point.seconds * math.exp(np.median(self._ratios)) if self._ratios else None
 
-    def measures(self) -> bool:
-        """To be asked once a frame: whether its time is to be given to `record`."""
+    def measures(self, now: float) -> bool:
+        """To be asked once a frame: whether its time is to be given to `record`. now: as there."""
         if self._skip:
             self._skip -= 1
             return False
         self._until_measured -= 1
-        if self._until_measured > 0:
+        if self._until_measured > 0 and now - self._measured_at < self.SELDOM:
             return False
-        self._until_measured = self.EVERY
+        self._until_measured, self._measured_at = self.EVERY, now
         return True
 
     def record(self, seconds: float, now: float) -> bool:

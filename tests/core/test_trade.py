@@ -86,7 +86,7 @@ class Playback:
             taken = self.pace.point.seconds * self.factors[index] * load(self.now)
             taken *= math.exp(self.random.normal(0.0, noise)) * (2.0 if fresh else 1.0)
             taken *= self.random.uniform(2.0, 5.0) if self.random.random() < spikes else 1.0
-            measured = self.pace.measures()
+            measured = self.pace.measures(self.now)
             self.at.append(self.now)
             self.index.append(index)
             self.seconds.append(taken)
@@ -191,7 +191,9 @@ def test_a_point_that_fails_is_tried_ever_more_rarely():
 def test_few_frames_are_measured_while_all_is_well():
     pace = Pace(front_of(), BUDGET)
     playback = Playback(pace).run(5.0, noise=0.02, spikes=0.0)
-    assert np.mean([pace.measures() for _ in range(300)]) == pytest.approx(1.0 / Pace.EVERY, abs=0.01)
+    asked = [pace.measures(playback.now + i / 60.0) for i in range(300)]
+    assert np.mean(asked) == pytest.approx(1.0 / Pace.EVERY, abs=0.01)
+    assert all(pace.measures(100.0 + i * Pace.SELDOM * 1.01) for i in range(10)), "slow ones are all measured"
     assert pace.seconds == pytest.approx(np.median(playback.seconds), rel=0.02)
 
 

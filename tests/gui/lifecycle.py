@@ -11,6 +11,7 @@ Exit status: 0 when every check passed, 1 when one failed, 2 for an unknown name
 from __future__ import annotations
 
 import importlib
+import json
 import os
 import sys
 import tempfile
@@ -436,6 +437,122 @@ def check_playback() -> Steps:
             bpy.ops.screen.animation_cancel(restore_frame=False)
         yield from settle()
         expect(probe.coverage() == 0.0, "water that was deleted during playback is still drawn")
+
+
+class TimedFrames:
+    """Times every frame that is drawn while an animation plays, by the handler or by the engine.
+
+    frames: seconds until it is there, the settings that it is drawn with, whether anything was made for it.
+    """
+
+    def __init__(self, shading: str) -> None:
+        self.frames: list[tuple[float, object, bool]] = []
+        self._rendered = shading == "RENDERED"
+        self._budget = module("budget")
+        if self._rendered:
+            self._owner, self._name = module("engine").LakeWaterRenderEngine, "_view_draw"
+        else:
+            self._owner, self._name = module("viewport"), "_draw"
+
+    def __enter__(self) -> TimedFrames:
+        self._original = original = getattr(self._owner, self._name)
+        plans = []
+        host_type = module("host").Host
+        self._plan = host_plan = host_type.plan
+
+        def plan(host, *args, **options):
+            plans.append((host, host_plan(host, *args, **options)))
+            return plans[-1][1]
+
+        def draw(*args) -> None:
+            framebuffer = gpu.state.active_framebuffer_get()
+            plans.clear()
+            framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+            start = time.perf_counter()
+            original(*args)
+            framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+            seconds = time.perf_counter() - start
+            if self._budget.is_playing() and plans:
+                host, planned = plans[-1]
+                self.frames.append((seconds, planned.settings, any(host.report.made.values())))
+
+        setattr(self._owner, self._name, draw)
+        host_type.plan = plan
+        return self
+
+    def __exit__(self, *_args) -> None:
+        setattr(self._owner, self._name, self._original)
+        module("host").Host.plan = self._plan
+
+
+def _play(timed: TimedFrames, seconds: float, least: int = 0) -> Steps:
+    """Play for some time, and until there are so many frames."""
+    timed.frames.clear()
+    with in_viewport():
+        bpy.ops.screen.animation_play()
+    start = time.monotonic()
+    while time.monotonic() - start < seconds or len(timed.frames) < least:
+        expect(time.monotonic() - start < 120.0, "playback does not advance")
+        yield 0.2
+    with in_viewport():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    yield from settle()
+
+
+def _measured_points(timed: TimedFrames, sizes: tuple[int, ...]) -> Steps:
+    """Fill the scene's calibration with what textures of some sizes take here."""
+    settings = bpy.context.scene.lake_water
+    kept = settings.calibration
+    kept.technique, kept.measure = settings.technique, "FLIP"
+    for size in sizes:
+        values = {"texture_size": size, "caustics_size": size, "photon_size": size}
+        for name, value in values.items():
+            setattr(settings, name, value)
+        yield from settle()
+        yield from _play(timed, 1.0, least=12)
+        point = kept.points.add()
+        point.settings = json.dumps(values)
+        point.seconds = float(np.median([seconds for seconds, *_ in timed.frames[2:]]))
+        point.flip = 16.0 / size
+
+
+def check_budget() -> Steps:
+    """A time budget holds while an animation plays, and what is drawn at rest is what the panel says."""
+    sizes = (64, 384, 640, 1024)
+    for shading in ("SOLID", "RENDERED"):
+        yield from fresh_lake(shading)
+        scene = bpy.context.scene
+        settings = scene.lake_water
+        scene.frame_start, scene.frame_end = 1, 10000
+        with TimedFrames(shading) as timed:
+            yield from _measured_points(timed, sizes)
+            times = [point.seconds for point in settings.calibration.points]
+            settings.budget_time = 1000.0 * (times[0] * times[-1]) ** 0.5
+            settings.budget = "TIME"
+            yield from settle()
+            before = settings.texture_size
+            expect(sizes[0] < before < sizes[-1], f"{shading}: {before} was chosen for a time between")
+            yield from _play(timed, 10.0, least=100)
+            frames = list(timed.frames)
+            seconds = np.array([taken for taken, *_ in frames])[20:]  # it has settled
+            held = float((seconds <= 1.1e-3 * settings.budget_time).mean())
+            used = [planned.texture_size for _, planned, _ in frames]
+            steps = int(np.count_nonzero(np.diff(used)))
+            found = (
+                f"{shading}: {held:.1%} of {len(seconds)} frames within 10 % of {settings.budget_time:.0f} "
+                f"ms, median {1e3 * np.median(seconds):.0f} ms, {steps} steps, sizes {sorted(set(used))} "
+                f"that take {', '.join(f'{1e3 * taken:.0f}' for taken in times)} ms"
+            )
+            print(f"lifecycle: budget: {found}", flush=True)
+            expect(held >= 0.95, found)
+            expect(steps <= 12, found)
+            seen: set[int] = set()
+            for size, made in zip(used, (made for *_, made in frames), strict=True):
+                expect(not made or size not in seen, f"textures of {size} were made again")
+                seen.add(size)
+            expect(settings.texture_size == before, "playback changed the scene's settings")
+            settings.budget = "OFF"
+            yield from settle()
 
 
 def check_idle() -> Steps:
