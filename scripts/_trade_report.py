@@ -110,7 +110,7 @@ def read_measured(folder: Path) -> Measured:
     about = json.loads((folder / "run.json").read_text())
     merged: dict[tuple[str, ...], dict[str, str]] = {}
     for line in (*errors, *times):
-        merged.setdefault(tuple(line[name] for name in KEY), {}).update(line)
+        merged.setdefault(tuple(line.get(name, "") for name in KEY), {}).update(line)
     labels = {name: told["label"] for name, told in about["scenes"].items()}
     order = list(labels)
     found = [(row_of(line), line) for line in merged.values()]

@@ -122,5 +122,5 @@ def reference_file(folder: Path, row: Mapping[str, object], what: str) -> Path:
 
 def picture_file(folder: Path, row: Mapping[str, str]) -> Path:
     """Where the picture of a point is kept, for those that are."""
-    digest = hashlib.blake2s(repr([row[name] for name in KEY]).encode(), digest_size=6).hexdigest()
+    digest = hashlib.blake2s(repr([row.get(name, "") for name in KEY]).encode(), digest_size=6).hexdigest()
     return folder / "pictures" / f"{row['scene']}-{row['technique'].lower()}-{digest}.npz"
