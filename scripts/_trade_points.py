@@ -160,16 +160,16 @@ def points(technique: str, longer_side: int, *, quick: bool = False) -> list[dic
     """All that is measured of a technique, each once: the qualities, the base, sweeps and combinations.
 
     The finest quality is measured of the techniques alone that follow rays: what limits the others is not its
-    to mend. quick: two qualities, the base and two others, to try the program.
+    to mend. quick: two qualities, the base and one other, to try the program.
     """
     names = list(QUALITIES) if technique in (DEFAULT, "TRACED") else list(QUALITIES)[:-1]
     found = [quality_point(technique, name, longer_side) for name in (names[:2] if quick else names)]
     found.append(point(technique, {}))
+    if quick:
+        few = [p for s in SWEEPS if s.dial == "texture_size" for p in sweep_points(technique, s)]
+        return _once([*found, few[1]])
     if technique == DEFAULT:
         found.append(without_caustics(longer_side))
-    if quick:
-        few = [p for s in SWEEPS if s.dial in ("texture_size", "c") for p in sweep_points(technique, s)]
-        return _once([*found, *few[1:2], *few[-1:]])
     for sweep in SWEEPS:
         found += sweep_points(technique, sweep)
     numbers = range(len(COMBINATIONS)) if technique == DEFAULT else FEW_COMBINATIONS
