@@ -10,7 +10,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-import gpu
 import numpy as np
 
 from .core.flip import FlipReference
@@ -101,12 +100,6 @@ class Bench:
         snapshot = replace(self.snapshot, time=self.snapshot.time + after)
         frame, snapshot = lay_over(frame, snapshot, settings or {})
         return self.host.plan(snapshot, self.camera, None, settings=frame, **options)
-
-    def is_in_context(self) -> bool:
-        """Whether the graphics context is the one that the host's framebuffers are of."""
-        target = self.host.renderer.targets.get(("bench", "context"), (1, 1), ("RGBA8",), depth=False)
-        with target.framebuffer.bind():
-            return gpu.state.active_framebuffer_get() == target.framebuffer
 
     # Rays
 

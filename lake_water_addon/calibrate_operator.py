@@ -33,6 +33,13 @@ class _Running:
     window_manager: bpy.types.WindowManager
     workspace: bpy.types.WorkSpace
     timer: bpy.types.Timer
+    screen: gpu.types.GPUFrameBuffer | None = None  # of the window whose graphics context drew last
+
+    def use_context(self, screen: gpu.types.GPUFrameBuffer) -> None:
+        """Draw with a new host where the context is another window's, in which framebuffers are void."""
+        if self.screen is not None and screen != self.screen:
+            self.calibration.bench.host = Host()
+        self.screen = screen
 
     def end(self) -> None:
         """Leave nothing of it on the screen."""
@@ -212,8 +219,7 @@ class LAKE_WATER_OT_calibrate(bpy.types.Operator):
             return {"RUNNING_MODAL"}
         calibration = now.calibration
         try:
-            if not calibration.bench.is_in_context():
-                calibration.bench.host = Host()  # that of another window is at work
+            now.use_context(gpu.state.active_framebuffer_get())
             calibration.step()
         except Exception as error:
             self._end()

@@ -66,7 +66,8 @@ class _Calibration:
         if not front:
             wrapped(layout, "This error could not be measured, or the file's points cannot be read", "ERROR")
         elif kept.chosen in front:
-            wrapped(layout, words(settings_of(kept.points[kept.chosen])), "CHECKMARK")
+            chosen = words(settings_of(kept.points[kept.chosen]))
+            wrapped(layout, f"{chosen[:1].upper()}{chosen[1:]}", "CHECKMARK")
         else:
             wrapped(layout, "Click a line to take its settings", "INFO")
         lines = layout.column(align=True)

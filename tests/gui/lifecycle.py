@@ -19,6 +19,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import gpu
@@ -553,6 +554,88 @@ def check_budget() -> Steps:
             expect(settings.texture_size == before, "playback changed the scene's settings")
             settings.budget = "OFF"
             yield from settle()
+
+
+def _few_candidates() -> None:
+    """Let calibrations of this session measure a few small pictures only: how many does not matter here."""
+    candidates = importlib.import_module(".core.candidates", PACKAGE.__name__)
+    candidates.GEOMETRY = {"intersection_steps": (1, 4)}
+    candidates.RATIOS, candidates.GRIDS, candidates.LIGHT = (0.1, 0.3), (2,), {}
+    candidates.BEST = {"intersection_steps": 4}
+    calibration = module("calibration")
+    calibration.QUALITIES = {}
+    calibration.REFERENCE_SAMPLES, calibration.COMBINATIONS = (2, 2), 2
+
+
+def _calibrate(seconds: float = 300.0) -> Steps:
+    """A calibration of the viewport, to its end."""
+    running = module("calibrate_operator").running
+    with in_viewport():
+        bpy.ops.lake_water.calibrate("INVOKE_DEFAULT")
+    start, last = time.monotonic(), 0.0
+    while running() is not None:
+        part, _ = running()
+        expect(last <= part <= 1.0, f"the progress goes from {last} to {part}")
+        last = part
+        expect(time.monotonic() - start < seconds, f"the calibration is at {part:.0%} after {seconds:.0f} s")
+        yield 0.2
+
+
+def _press_escape() -> Steps:
+    """Give the running calibration an Escape key, which Blender itself sends only when started for that."""
+    window = view3d()[0]
+    operator = next(o for o in window.modal_operators if o.bl_idname == "LAKE_WATER_OT_calibrate")
+    with in_viewport():
+        ended = operator.modal(bpy.context, SimpleNamespace(type="ESC", value="PRESS"))
+    expect(ended == {"CANCELLED"}, f"Escape gives {ended}")
+    yield SETTLE
+
+
+def check_calibration() -> Steps:
+    """A calibration shows what it measured, leaves viewport and settings alone, and may be cancelled."""
+    _few_candidates()
+    with Probe() as probe:
+        yield from fresh_lake()
+        scene = bpy.context.scene
+        kept, settings = scene.lake_water.calibration, scene.lake_water
+        first, held = probe.picture, (settings.texture_size, settings.intersection_steps, settings.samples)
+        area = next(a for a in view3d()[0].screen.areas if a.type == "DOPESHEET_EDITOR")
+        area.ui_type = "IMAGE_EDITOR"
+        yield from _calibrate()
+        redraw()
+        expect(len(kept.points) >= 5, f"{len(kept.points)} points were measured")
+        expect(kept.view == "3D view", f"the view is {kept.view}")
+        region = view3d()[2]
+        expect(tuple(kept.resolution) == (region.width, region.height), "the size is not the viewport's")
+        expect(difference(first, probe.picture) == 0.0, "a calibration changes what the viewport shows")
+        now = settings.texture_size, settings.intersection_steps, settings.samples
+        expect(now == held, "a calibration changes the settings")
+        image = area.spaces.active.image
+        expect(image is not None and image.name == "Lake Water Calibration", "the plot is not shown")
+
+        before = [(point.settings, point.seconds) for point in kept.points]
+        with in_viewport():
+            bpy.ops.lake_water.calibrate("INVOKE_DEFAULT")
+        yield 1.0
+        expect(module("calibrate_operator").running() is not None, "the second calibration does not run")
+        yield from _press_escape()
+        yield from settle()
+        expect(module("calibrate_operator").running() is None, "Escape does not end the calibration")
+        expect(not view3d()[0].modal_operators, "the cancelled operator still waits for events")
+        expect(before == [(p.settings, p.seconds) for p in kept.points], "a cancel loses what was measured")
+        expect(difference(first, probe.picture) == 0.0, "a cancel changes what the viewport shows")
+
+        coarse = min(range(len(kept.points)), key=lambda i: kept.points[i].seconds)
+        kept.chosen = coarse
+        yield from settle()
+        expect(difference(first, probe.picture) > CHANGED, "the settings of a point do not show")
+
+        with in_viewport():
+            bpy.ops.lake_water.calibrate("INVOKE_DEFAULT")
+        yield 0.5
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=False)
+        yield from settle()
+        expect(module("calibrate_operator").running() is None, "a calibration outlives its file")
 
 
 def check_idle() -> Steps:
