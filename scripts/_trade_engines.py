@@ -206,17 +206,17 @@ def _measure(engine: Engine) -> tuple[float, np.ndarray, float]:
     """(seconds of a frame, picture, part of the processor that others had)."""
     bpy.context.scene.frame_set(FRAME)
     spent: list[float] = []
-    busy, own, began = _busy_seconds(), time.process_time(), time.perf_counter()
+    busy, own, began = busy_seconds(), time.process_time(), time.perf_counter()
     while len(spent) < REPEATS and sum(spent) < REPEAT_WITHIN:
         start = time.perf_counter()
         _render(engine)
         spent.append(time.perf_counter() - start)
     wall = time.perf_counter() - began
-    others = _busy_seconds() - busy - (time.process_time() - own)
+    others = busy_seconds() - busy - (time.process_time() - own)
     return statistics.median(spent), _picture(), max(others, 0.0) / (wall * (os.cpu_count() or 1))
 
 
-def _busy_seconds() -> float:
+def busy_seconds() -> float:
     """Processor time of all processes together since the machine started; 0 where that is not told."""
     try:
         ticks = Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:]

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from _trade_engines import CONVERGED, DIRECT, engine_points
+from _trade_engines import CONVERGED, DIRECT, busy_seconds, engine_points
 from _trade_points import (
     ALWAYS,
     DEFAULT,
@@ -172,6 +172,7 @@ class SceneBench:
         for of in (None, technique):  # what they make for the first time is made now
             self._draw(of, settings, 1)
         wet, dry = [], []
+        busy, own, began = busy_seconds(), time.process_time(), time.perf_counter()
         while len(wet) < most_pairs and (len(wet) < LEAST_PAIRS or sum(wet) < SECONDS):
             self._advance(FRAME + 1 + len(wet))
             for of in (technique, None) if len(wet) % 2 else (None, technique):
@@ -180,7 +181,9 @@ class SceneBench:
         ratios = [a / b for a, b in zip(wet, dry, strict=True)]
         low, high = np.quantile(ratios, (0.25, 0.75))
         medians = map(statistics.median, (wet, dry, ratios))
-        return dict(zip(TIMES, (*medians, float(low), float(high), len(wet)), strict=True))
+        others = busy_seconds() - busy - (time.process_time() - own)
+        shared = max(others, 0.0) / ((time.perf_counter() - began) * (os.cpu_count() or 1))
+        return dict(zip(TIMES, (*medians, float(low), float(high), len(wet), shared), strict=True))
 
     def dry_seconds(self, pictures: int = 5) -> float:
         """Median of a picture of the dry scene, to set beside times that others took."""
@@ -452,7 +455,7 @@ def measure_trade(options: argparse.Namespace, machine: Mapping[str, str]) -> No
                     for technique, settings in ((t, p) for t, of in wanted.items() for p in of):
                         bar.set_postfix_str(f"{kind}, {TECHNIQUES[technique].label}", refresh=False)
                         row = {**at, "technique": technique, **to_cells(settings)}
-                        if kind == "time" and not times.has(row):
+                        if kind == "time" and not times.has(row, options.shared):
                             row |= bench.times(technique, settings, options.repeats)
                             times.append({**row, "commit": commit})
                         elif kind == "error" and not errors.has(
@@ -483,11 +486,12 @@ def measure_engines(
         size=options.resolution,
         folder=options.output / "engines",
         detail=options.detail,
+        others_at_most=options.shared,
         quiet=options.quiet,
     )
     for made in found:
         row = {**at, "label": made.label}
-        if table.has(row):
+        if table.has(row, options.shared):
             continue
         engine = made.settings["engine"].removeprefix("BLENDER_")
         denoised = bool(made.settings.get("use_denoising"))
@@ -500,10 +504,10 @@ def measure_engines(
             "direct": ("no", "yes")[made.label == DIRECT.label],
             "converged": ("no", "yes")[made.label == CONVERGED.label],
             "picture": name,
-            "others": made.others,
             "seconds": made.seconds,
             "dry_seconds": dry,
             "ratio": made.seconds / dry,
+            "shared": made.others,
             **bench.picture_errors(made.picture.astype(np.float64), "project"),
             "commit": commit,
         }

@@ -124,7 +124,8 @@ def read_measured(folder: Path) -> Measured:
 
 def _engines(measured: Measured) -> list[Engine]:
     found = []
-    for line in _newest(_lines(measured.folder / "engines.csv")):
+    lines = _newest(_lines(measured.folder / "engines.csv"))
+    for line in {(line["scene"], line["label"]): line for line in lines}.values():
         if line["scene"] not in measured.labels:
             continue
         numbers = {n: float(t) for n, t in line.items() if n in (*ERRORS, *TIMES) and t}
@@ -144,7 +145,7 @@ def _engines(measured: Measured) -> list[Engine]:
                 line["converged"] == "yes",
                 numbers,
                 picture,
-                float(line["others"]),
+                float(line["shared"] or 0.0),
             )
         )
     compared = []
@@ -573,12 +574,14 @@ def _about(measured: Measured) -> str:
     machine, about = measured.about["machine"], measured.about
     commits = list(dict.fromkeys(line["commit"] for line in measured.lines.values() if line.get("commit")))
     width, height = measured.rows[0].size
+    shared = [row["shared"] for row in measured.rows if "shared" in row.values] or [math.nan]
     return (
         f"{machine['renderer']}, {machine['driver']}, {machine['cores']} cores, Blender "
         f"{machine['blender']}; "
         f"{width} × {height}; measured {about['began']} to {about['ended']} at commit {', '.join(commits)}; "
         f"references of {float(about['photons']):.0e} photons in each window and {about['rays']} rays a "
-        "pixel."
+        f"pixel; while times were measured, other programs had {_percent(float(np.median(shared)), 0)} of the "
+        f"processor (median; at most {_percent(max(shared), 0)})."
     ).replace("e+0", "e")
 
 

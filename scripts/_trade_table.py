@@ -35,15 +35,19 @@ ERRORS = (
 
 median_share: of the length of the true ray. beyond, missed, false: shares, see `core.hits.HitErrors`.
 """
-ENGINE_TIMES = ("seconds", "dry_seconds", "ratio")
-TIMES = ("seconds", "dry_seconds", "ratio", "ratio_low", "ratio_high", "pairs")
-"""Columns: medians of a picture and of the dry scene, s; median and quartiles of the pairs' ratios."""
+ENGINE_TIMES = ("seconds", "dry_seconds", "ratio", "shared")
+TIMES = ("seconds", "dry_seconds", "ratio", "ratio_low", "ratio_high", "pairs", "shared")
+"""Columns: medians of a picture and of the dry scene, s; median and quartiles of the pairs' ratios.
+
+shared: part of the processor's time that other programs had meanwhile, 0 to 1.
+"""
 
 
 class Table:
     """A CSV file that grows by a row at a time, each on the disk before the next is measured.
 
-    key: the columns that make two rows the same measurement. What was written with other columns is kept.
+    key: the columns that make two rows the same measurement; the last one counts. What was written with other
+    columns is kept.
     """
 
     def __init__(self, path: Path, columns: Sequence[str], key: Sequence[str]) -> None:
@@ -57,7 +61,7 @@ class Table:
                 self.rows = [row for row in reader if None not in row.values() and None not in row]
                 header = reader.fieldnames or ()
         self.columns += tuple(name for name in header if name not in self.columns)
-        self._known = {self._of(row) for row in self.rows}
+        self._known = {self._of(row): row for row in self.rows}
         path.parent.mkdir(parents=True, exist_ok=True)
         new = path.with_suffix(".part")
         with new.open("w", newline="") as file:
@@ -69,9 +73,10 @@ class Table:
     def _of(self, row: Mapping[str, str]) -> tuple[str, ...]:
         return tuple(row.get(name, "") for name in self._key)
 
-    def has(self, row: Mapping[str, str]) -> bool:
-        """Whether that measurement is there already."""
-        return self._of(row) in self._known
+    def has(self, row: Mapping[str, str], shared_at_most: float = 1.0) -> bool:
+        """Whether that measurement is there already; not if other programs had more of the processor."""
+        kept = self._known.get(self._of(row))
+        return kept is not None and float(kept.get("shared") or 0.0) <= shared_at_most
 
     def append(self, row: Mapping[str, object]) -> None:
         """Write a row at once."""
@@ -81,7 +86,7 @@ class Table:
             file.flush()
             os.fsync(file.fileno())
         self.rows.append(cells)
-        self._known.add(self._of(cells))
+        self._known[self._of(cells)] = cells
 
 
 def _cell(value: object) -> str:
@@ -108,7 +113,7 @@ def times_table(folder: Path) -> Table:
 def engines_table(folder: Path) -> Table:
     """What was measured of other engines."""
     key = ("scene", "label", "size", "content")
-    about = ("engine", "samples", "denoised", "direct", "converged", "picture", "others")
+    about = ("engine", "samples", "denoised", "direct", "converged", "picture")
     errors = (*PICTURE_ERRORS, *(f"{name}_all" for name in PICTURE_ERRORS))
     return Table(folder / "engines.csv", (*key, *about, *ENGINE_TIMES, *errors, "commit"), key)
 

@@ -99,6 +99,13 @@ def _add_trade(trade: argparse.ArgumentParser) -> None:
         "--output", type=Path, default=Path("build/trade"), help="tables and references (default build/trade)"
     )
     add("--repeats", type=count, default=5, help="most pictures of a setting that are timed (default 5)")
+    add(
+        "--shared",
+        type=number,
+        default=1.0,
+        metavar="PART",
+        help="measure times again during which other programs had more of the processor than this, 0 to 1",
+    )
     add("--photons", type=count, default=10_000_000, help="of a reference, in each of its windows")
     add("--rays", type=count, default=16, help="of a reference, for each pixel")
     add("--workers", type=count, default=4, help="threads that make a reference")

@@ -87,6 +87,17 @@ def test_a_table_goes_on_where_it_stopped(tmp_path: Path) -> None:
     assert path.read_text() == "name,value,more,commit\na,0.1,,x\nb,,,x\nc,0.3,2,y\n"
 
 
+def test_a_time_that_was_taken_on_a_busy_machine_can_be_taken_again(tmp_path: Path) -> None:
+    table = Table(tmp_path / "table.csv", ("name", "seconds", "shared"), ("name",))
+    table.append({"name": "a", "seconds": 2.0, "shared": 0.4})
+    row = {"name": "a"}
+    assert table.has(row)
+    assert table.has(row, 0.5)
+    assert not table.has(row, 0.1)
+    table.append({"name": "a", "seconds": 1.0, "shared": 0.01})
+    assert Table(tmp_path / "table.csv", (), ("name",)).has(row, 0.1)
+
+
 def made(scene: str, ratio: float, flip: float, **changes: object) -> Row:
     settings = point("LAKE", {**BASE, **changes})
     return Row(scene, "LAKE", settings, (320, 240), {"ratio": ratio, "flip": flip})
