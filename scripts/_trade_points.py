@@ -156,11 +156,14 @@ def sweep_points(technique: str, sweep: Sweep) -> list[dict[str, object]]:
     ]
 
 
-def points(technique: str, longer_side: int, *, quick: bool = False) -> list[dict[str, object]]:
+def points(
+    technique: str, longer_side: int, *, quick: bool = False, brief: bool = False
+) -> list[dict[str, object]]:
     """All that is measured of a technique, each once: the qualities, the base, sweeps and combinations.
 
     The finest quality is measured of the techniques alone that follow rays: what limits the others is not its
-    to mend. quick: two qualities, the base and one other, to try the program.
+    to mend. quick: two qualities, the base and one other, to try the program. brief: of Lake's sweeps the
+    first and the last value alone, of the other techniques' their own dials, and few combinations.
     """
     names = list(QUALITIES) if technique in (DEFAULT, "TRACED") else list(QUALITIES)[:-1]
     found = [quality_point(technique, name, longer_side) for name in (names[:2] if quick else names)]
@@ -171,8 +174,12 @@ def points(technique: str, longer_side: int, *, quick: bool = False) -> list[dic
     if technique == DEFAULT:
         found.append(without_caustics(longer_side))
     for sweep in SWEEPS:
-        found += sweep_points(technique, sweep)
-    numbers = range(len(COMBINATIONS)) if technique == DEFAULT else FEW_COMBINATIONS
+        of_sweep = sweep_points(technique, sweep)
+        if not brief or sweep.dial in OWN:
+            found += of_sweep
+        elif technique == DEFAULT:
+            found += [*of_sweep[:2], *of_sweep[-1:]]
+    numbers = range(len(COMBINATIONS)) if technique == DEFAULT and not brief else FEW_COMBINATIONS
     for ratio, changes in (COMBINATIONS[i] for i in numbers):
         found.append(point(technique, {**changes, "texture_size": texture_size(ratio, longer_side)}))
     return _once(found)

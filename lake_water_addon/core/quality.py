@@ -91,9 +91,9 @@ QUALITIES = {
         samples=16,
         settings={
             "fov_ext": 1.5,
-            "least_grid_resolution": 384,
+            "least_grid_resolution": 256,
             "intersection_steps": 16,
-            "reflection_steps": 128,
+            "reflection_steps": 64,
             "use_exact_fresnel": True,
             "caustics_size": 2048,
             "photon_size": 1024,
