@@ -580,8 +580,8 @@ def _about(measured: Measured) -> str:
         f"{machine['blender']}; "
         f"{width} × {height}; measured {about['began']} to {about['ended']} at commit {', '.join(commits)}; "
         f"references of {float(about['photons']):.0e} photons in each window and {about['rays']} rays a "
-        f"pixel; while times were measured, other programs had {_percent(float(np.median(shared)), 0)} of the "
-        f"processor (median; at most {_percent(max(shared), 0)})."
+        f"pixel. While times were measured, other programs had {_percent(float(np.median(shared)), 0)} of "
+        f"the processor (median; at most {_percent(max(shared), 0)})."
     ).replace("e+0", "e")
 
 

@@ -87,14 +87,19 @@ def test_errors_lie_where_errors_can(folder: Path) -> None:
     assert all(0.5 < number(row, "caustics_energy") < 1.5 for row in lake)
 
 
-def test_better_settings_leave_less_error(folder: Path, scripts: None) -> None:
+@pytest.mark.parametrize("technique", ["LAKE", "TRACED"])
+def test_a_finer_texture_leaves_less_error(folder: Path, scripts: None, technique: str) -> None:
     from _trade_front import row_of
+    from _trade_points import point
 
     measured = [row_of(row) for row in rows(folder / "errors.csv")]
-    by_quality = {(row.technique, row.quality): row for row in measured}
-    draft, balanced = by_quality["LAKE", "DRAFT"], by_quality["LAKE", "BALANCED"]
-    assert balanced["flip"] < draft["flip"]
-    assert balanced["refracted_median_m"] < draft["refracted_median_m"]
+    by_settings = {row.key: row for row in measured}
+    fine, coarse = (
+        by_settings[technique, tuple(point(technique, changes).items())]
+        for changes in ({}, {"texture_size": 128})
+    )
+    assert fine["flip"] < coarse["flip"]
+    assert fine["refracted_median_m"] < coarse["refracted_median_m"]
 
 
 def test_the_report_has_tables_plots_and_all_points(folder: Path) -> None:
