@@ -268,7 +268,7 @@ class LAKE_WATER_OT_apply_budget(bpy.types.Operator):
             self.report({"ERROR"}, problem(scene) or "The scene has no budget: choose what it is to hold")
             return {"CANCELLED"}
         if not chosen.fits:
-            self.report({"WARNING"}, f"Nothing that was measured is within {chosen.limit}: took the nearest")
+            self.report({"WARNING"}, f"Nothing measured is within {chosen.limit}: the nearest is taken")
         return {"FINISHED"}
 
 

@@ -312,7 +312,7 @@ class _Budget:
             self.layout.operator("lake_water.calibrate")
             return
         if not chosen.fits:
-            wrapped(self.layout, f"Nothing that was measured is within {chosen.limit}: the nearest", "ERROR")
+            wrapped(self.layout, f"Nothing measured is within {chosen.limit}: the nearest is taken", "ERROR")
         point = settings.calibration.points[chosen.number]
         wrapped(self.layout, f"Chosen: {calibration.words(chosen.settings)}", "CHECKMARK")
         wrapped(self.layout, f"Expected: {budget.expectation(point)}", "BLANK1")

@@ -586,6 +586,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         "chosen from the calibration",
         items=BUDGETS,
         default="OFF",
+        options=set(),
         update=_choose,
     )
     budget_time: FloatProperty(
@@ -599,6 +600,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         soft_max=1000.0,
         step=100,
         precision=1,
+        options=set(),
         update=_choose,
     )
     budget_pixels: FloatProperty(
@@ -611,6 +613,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         soft_max=10.0,
         step=10,
         precision=2,
+        options=set(),
         update=_choose,
     )
     budget_flip: FloatProperty(
@@ -622,6 +625,7 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
         soft_max=0.3,
         step=1,
         precision=3,
+        options=set(),
         update=_choose,
     )
     calibration: PointerProperty(
