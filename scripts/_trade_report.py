@@ -464,79 +464,85 @@ def cycles_ratio_at(engines: Sequence[Engine], flip: float) -> tuple[float, str]
     return best
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """What came of an aim in a scene. reached: None where it does not apply."""
+
+    told: str
+    reached: bool | None
+
+    def __str__(self) -> str:
+        return self.told if self.reached is None else f"{self.told} {_verdict(self.reached)}"
+
+
+NOTHING = Verdict("", None)
+
+
 def aims_table(measured: Measured) -> Table:
-    """Each aim in each scene, as measured."""
-    rows = []
-    for scene, label in measured.labels.items():
-        for name, most in AIMS["flip"].items():
-            row = measured.quality(scene, name)
-            if row is not None and "flip" in row.values:
-                rows.append(
-                    (
-                        f"{label}: {QUALITIES[name].label}, mean FLIP on the water",
-                        f"at most {most:.2f}",
-                        _error(row["flip"]),
-                        _verdict(row["flip"] <= most),
-                    )
-                )
-        rows += _steps_aim(measured, scene, label)
-        rows += _engine_aims(measured, scene, label)
-    return Table(("aim", "asked", "measured", "reached"), rows)
+    """Each aim in each scene, as measured, and in how many it is reached."""
+    header = (
+        "scene",
+        *(f"{QUALITIES[name].label}: FLIP ≤ {most:.2f}" for name, most in AIMS["flip"].items()),
+        f"{BASE['intersection_steps']} steps: error ≤ {_percent(AIMS['steps'], 0)} of d",
+        f"Balanced ≥ {FASTER_THAN_EEVEE:.0f} times as fast as EEVEE, {EEVEE_SAMPLES} samples",
+        "and nearer to Cycles (FLIP)",
+        f"≥ {FASTER_THAN_CYCLES:.0f} times as fast as Cycles at equal FLIP",
+    )
+    verdicts = {
+        label: [
+            *(_flip_aim(measured, scene, name, most) for name, most in AIMS["flip"].items()),
+            _steps_aim(measured, scene),
+            *_engine_aims(measured, scene),
+        ]
+        for scene, label in measured.labels.items()
+    }
+    rows = [(label, *map(str, of)) for label, of in verdicts.items()]
+    counts = []
+    for column in zip(*verdicts.values(), strict=True):
+        asked = [v.reached for v in column if v.reached is not None]
+        counts.append(f"{sum(asked)} of {len(asked)}" if asked else "")
+    return Table(header, [*rows, ("reached", *counts)])
 
 
-def _steps_aim(measured: Measured, scene: str, label: str) -> list[tuple[str, ...]]:
+def _flip_aim(measured: Measured, scene: str, name: str, most: float) -> Verdict:
+    row = measured.quality(scene, name)
+    if row is None or "flip" not in row.values:
+        return NOTHING
+    return Verdict(_error(row["flip"]), row["flip"] <= most)
+
+
+def _steps_aim(measured: Measured, scene: str) -> Verdict:
+    if measured.about["scenes"][scene].get("under_water"):
+        return Verdict("no search from below", None)
     base = point(DEFAULT, {})
     row = next((r for r in measured.of(scene, DEFAULT) if r.settings == base), None)
     if row is None or "refracted_median_share" not in row.values:
-        return []
-    told = f"{label}: {BASE['intersection_steps']} steps, median error over the ray's length d"
-    if measured.about["scenes"][scene].get("under_water"):
-        return [(told, f"at most {_percent(AIMS['steps'], 0)}", "no search from below", "")]
-    value = row["refracted_median_share"]
-    return [
-        (told, f"at most {_percent(AIMS['steps'], 0)}", _percent(value, 2), _verdict(value <= AIMS["steps"]))
-    ]
+        return NOTHING
+    share = row["refracted_median_share"]
+    return Verdict(_percent(share, 2), share <= AIMS["steps"])
 
 
-def _engine_aims(measured: Measured, scene: str, label: str) -> list[tuple[str, ...]]:
+def _engine_aims(measured: Measured, scene: str) -> tuple[Verdict, Verdict, Verdict]:
+    """Speed beside EEVEE, nearness beside EEVEE, speed beside Cycles."""
     row = measured.quality(scene, "BALANCED")
     engines = [e for e in measured.engines if e.scene == scene]
     if row is None or not engines or "ratio" not in row.values:
-        return []
-    rows = []
+        return NOTHING, NOTHING, NOTHING
+    speed = near = cycles = NOTHING
     eevee = next((e for e in engines if e.engine == "EEVEE" and e.samples == EEVEE_SAMPLES), None)
     if eevee is not None:
         times = eevee.values["ratio"] / row["ratio"]
-        rows.append(
-            (
-                f"{label}: Balanced, times as fast as EEVEE with {EEVEE_SAMPLES} samples",
-                f"at least {FASTER_THAN_EEVEE:.0f}",
-                f"{math.floor(10 * times) / 10:.1f}",
-                _verdict(times >= FASTER_THAN_EEVEE),
-            )
-        )
+        speed = Verdict(f"{math.floor(10 * times) / 10:.1f}", times >= FASTER_THAN_EEVEE)
         ours = _to_converged(measured, row)
         if math.isfinite(ours) and math.isfinite(eevee.to_converged):
-            rows.append(
-                (
-                    f"{label}: Balanced, nearer than that to Cycles' converged picture (FLIP)",
-                    f"less than {_error(eevee.to_converged)}",
-                    _error(ours),
-                    _verdict(ours < eevee.to_converged),
-                )
-            )
-    cycles, word = cycles_ratio_at(engines, row["flip"])
-    if math.isfinite(cycles):
-        times = cycles / row["ratio"]
-        rows.append(
-            (
-                f"{label}: Balanced, times as fast as Cycles at equal FLIP",
-                f"at least {FASTER_THAN_CYCLES:.0f}",
-                f"{word} {math.floor(10 * times) / 10:.1f}".strip(),
-                _verdict(times >= FASTER_THAN_CYCLES and word != "at most"),
-            )
-        )
-    return rows
+            told = f"{_error(ours)} against {_error(eevee.to_converged)}"
+            near = Verdict(told, ours < eevee.to_converged)
+    at_equal, word = cycles_ratio_at(engines, row["flip"])
+    if math.isfinite(at_equal):
+        times = at_equal / row["ratio"]
+        told = f"{word} {math.floor(10 * times) / 10:.1f}".strip()
+        cycles = Verdict(told, times >= FASTER_THAN_CYCLES and word != "at most")
+    return speed, near, cycles
 
 
 def agreement_table(measured: Measured) -> Table:

@@ -106,7 +106,8 @@ def test_the_report_has_tables_plots_and_all_points(folder: Path) -> None:
     from PIL import Image
 
     text = (folder / "report" / "trade.md").read_text()
-    assert "Tiled pool: Balanced, mean FLIP on the water | at most 0.10" in text
+    assert "| scene | Balanced: FLIP ≤ 0.10 | Best: FLIP ≤ 0.05 |" in text
+    assert "| reached | " in text
     named = [part.split(")")[0] for part in text.split("](images/")[1:]]
     assert f"trade/{SCENE}.png" in named
     assert f"trade/{SCENE}_maps.jpg" in named
