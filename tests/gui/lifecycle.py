@@ -383,7 +383,7 @@ def check_settings() -> Steps:
 
 
 def check_undo() -> Steps:
-    """Undo and redo of a setting, and of deleting the water."""
+    """Undo and redo of a setting, of a quality, and of deleting the water."""
     with Probe() as probe:
         yield from fresh_lake()
         first = probe.picture
@@ -401,6 +401,19 @@ def check_undo() -> Steps:
             bpy.ops.ed.redo()
         yield from settle()
         expect(difference(second, probe.picture) < CHANGED / 10, "redo of parameters does not show")
+        sizes = []
+        for quality in ("BEST", "DRAFT"):
+            with in_viewport():
+                bpy.ops.wm.context_set_enum(
+                    "EXEC_DEFAULT", True, data_path="scene.lake_water.quality", value=quality
+                )
+            yield SETTLE
+            sizes.append(bpy.context.scene.lake_water.texture_size)
+        with in_viewport():
+            bpy.ops.ed.undo()
+        settings = bpy.context.scene.lake_water
+        now = settings.quality, settings.texture_size
+        expect(now == ("BEST", sizes[0]), f"undo of a quality gives {now}")
         bpy.data.objects.remove(water_object())
         with in_viewport():
             bpy.ops.ed.undo_push(message="delete")
