@@ -3,7 +3,7 @@
 
     blender --factory-startup -P tests/gui/lifecycle.py [-- NAME ...]
 
-Needs a Blender with a window (Xvfb will do) and takes seven minutes with software OpenGL. Without names all
+Needs a Blender with a window (Xvfb will do) and takes ten minutes with software OpenGL. Without names all
 checks run. Uses the installed extension where it is enabled, else this checkout's package.
 Exit status: 0 when every check passed, 1 when one failed, 2 for an unknown name.
 """
