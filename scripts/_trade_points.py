@@ -117,6 +117,12 @@ COMBINATIONS: tuple[tuple[float, Settings], ...] = (
 FEW_COMBINATIONS = (2, 10)
 """Those that are measured for techniques other than Lake."""
 
+BRIEF = (
+    *("intersection_steps", "texture_size", "reflection_steps", "c", "q", "least_grid_resolution"),
+    *("use_caustics", "traced_march_steps"),
+)
+"""The dials that a brief run turns."""
+
 DEFAULT = "LAKE"
 """The technique whose settings are all measured, and whose front the qualities lie on."""
 
@@ -162,10 +168,12 @@ def points(
     """All that is measured of a technique, each once: the qualities, the base, sweeps and combinations.
 
     The finest quality is measured of the techniques alone that follow rays: what limits the others is not its
-    to mend. quick: two qualities, the base and one other, to try the program. brief: of Lake's sweeps the
-    first and the last value alone, of the other techniques' their own dials, and few combinations.
+    to mend. quick: two qualities, the base and one other, to try the program. brief: of the sweeps BRIEF the
+    first and the last value alone, and of the techniques that follow no rays only one quality.
     """
     names = list(QUALITIES) if technique in (DEFAULT, "TRACED") else list(QUALITIES)[:-1]
+    if brief and technique not in (DEFAULT, "TRACED"):
+        names = ["BALANCED"]
     found = [quality_point(technique, name, longer_side) for name in (names[:2] if quick else names)]
     found.append(point(technique, {}))
     if quick:
@@ -175,11 +183,13 @@ def points(
         found.append(without_caustics(longer_side))
     for sweep in SWEEPS:
         of_sweep = sweep_points(technique, sweep)
-        if not brief or sweep.dial in OWN:
+        if not brief:
             found += of_sweep
-        elif technique == DEFAULT:
+        elif sweep.dial in BRIEF and (technique == DEFAULT or sweep.dial in OWN):
             found += [*of_sweep[:2], *of_sweep[-1:]]
-    numbers = range(len(COMBINATIONS)) if technique == DEFAULT and not brief else FEW_COMBINATIONS
+    if brief:
+        return _once(found)
+    numbers = range(len(COMBINATIONS)) if technique == DEFAULT else FEW_COMBINATIONS
     for ratio, changes in (COMBINATIONS[i] for i in numbers):
         found.append(point(technique, {**changes, "texture_size": texture_size(ratio, longer_side)}))
     return _once(found)
