@@ -89,7 +89,7 @@ def _add_trade(trade: argparse.ArgumentParser) -> None:
     add("--resolution", type=size, default=(320, 240), metavar="WxH")
     add("--detail", type=number, default=0.3, help="of the lake (default 0.3)")
     add("--quick", action="store_true", help="few settings, to try the program")
-    add("--brief", action="store_true", help="the ends of the range of those settings that matter most, a quarter of the points")
+    add("--brief", action="store_true", help="the most important settings alone, a quarter of the points")
     add(
         "--engines",
         nargs="*",
