@@ -35,9 +35,8 @@ TIMES = (0.0, 1.37, 2.71)
 HITS_SIDE = 320
 """Most pixels along the longer side of the pass that tells where rays end: they look where all others do."""
 
-FRAMES = (2, 9)
-"""Least and most frames that are timed at a time; the most where they take less than FRAMES_SECONDS."""
-FRAMES_SECONDS = 0.4
+MOST_FRAMES, FRAMES_SECONDS = 9, 0.4
+"""Frames that are timed at a time: no more, and none after so many seconds."""
 FRAME_RATE = 24.0
 
 WHOLE_PICTURE = 110_000
@@ -159,33 +158,41 @@ class Bench:
         self.host.renderer.draw_picture(plan, picture, PassTimer())
         self.host.renderer.mean.add(picture, mean, 1.0)
 
-    def seconds(self, settings: Settings, samples: int, first_frame: int = 1) -> list[float]:
-        """Seconds of pictures while the waves move, each until it is there. Frames: counted from first_frame.
+    def seconds(self, settings: Settings, first_frame: int = 1) -> list[float]:
+        """Seconds of pictures of one sample while the waves move, each until it is there.
 
-        Of several samples, the first draws what moves and the others use it, so that two are timed.
+        first_frame: from which they are counted.
         """
-        _, mean = self._targets()
-        least, most = FRAMES
+        self._sample(settings, 0, 1, (first_frame - 1) / FRAME_RATE)  # makes what there is to make
+        self._wait()
         spent: list[float] = []
-        begin = time.perf_counter()
-        number = -1  # what is drawn for the first time is made for that
-        while number < least or (number < most and time.perf_counter() - begin < FRAMES_SECONDS):
-            after = (first_frame + number) / FRAME_RATE
-            parts = []
-            for sample in range(min(samples, 2)):
-                start = time.perf_counter()
-                self._sample(settings, sample, samples, after)
-                self._wait(mean)
-                parts.append(time.perf_counter() - start)
-            if number >= 0:
-                spent.append(parts[0] + (samples - 1) * parts[-1])
-            number += 1
+        while not spent or (len(spent) < MOST_FRAMES and sum(spent) < FRAMES_SECONDS):
+            start = time.perf_counter()
+            self._sample(settings, 0, 1, (first_frame + len(spent)) / FRAME_RATE)
+            self._wait()
+            spent.append(time.perf_counter() - start)
         return spent
 
-    @staticmethod
-    def _wait(target: Target) -> None:
-        with target.framebuffer.bind():
-            target.framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
+    def draw(self, settings: Settings, samples: int) -> Iterator[tuple[int, float]]:
+        """Draw a picture for `flip`, sample by sample. Yields (samples that are drawn, seconds of the last).
+
+        It begins anew when the host is exchanged in between, which loses the sum.
+        """
+        done, host = 0, self.host
+        while done < samples:
+            if host is not self.host:
+                done, host = 0, self.host
+            start = time.perf_counter()
+            self._sample(settings, done, samples)
+            self._wait()
+            done += 1
+            yield done, time.perf_counter() - start
+
+    def _wait(self) -> None:
+        """Until all is drawn."""
+        framebuffer = self._targets()[1].framebuffer
+        with framebuffer.bind():
+            framebuffer.read_color(0, 0, 1, 1, 4, 0, "FLOAT")
 
     def _water_windows(self) -> Iterator[tuple[slice, slice, slice, slice]]:
         """Parts of the picture that FLIP is taken of: rows and columns with their border, and within that."""
@@ -234,20 +241,18 @@ class Bench:
 
         samples: fewer, but at least `least`, where they take more than `seconds`.
         """
-        begin, done, host = time.perf_counter(), 0, self.host
-        while done < samples and (done < least or time.perf_counter() - begin < seconds):
-            if host is not self.host:  # and the sum of before with it
-                done, host = 0, self.host
-            self._sample(settings, done, samples)
-            self._wait(self._targets()[1])
-            done += 1
+        begin = time.perf_counter()
+        for done, _ in self.draw(settings, samples):
             yield done / samples
+            if done >= least and time.perf_counter() - begin > seconds:
+                break
         self._references = [FlipReference(picture) for picture in self._read(done)]
 
-    def flip(self, settings: Settings, samples: int) -> float:
-        """Mean FLIP of the water's pixels against `take_reference`; NaN where FLIP's windows show none."""
-        for sample in range(samples):
-            self._sample(settings, sample, samples)
+    def flip(self, samples: int) -> float:
+        """Mean FLIP of the water's pixels of the picture of so many samples that was drawn last.
+
+        NaN where the windows show none.
+        """
         values = []
         for window, reference, picture in zip(
             self._windows, self._references, self._read(samples), strict=True

@@ -44,8 +44,8 @@ SAMPLES = {4: 4, 16: 1}
 STEP_SECONDS = 0.2
 """A step measures for so long, and to the end of what it is at then."""
 
-LOOKING, REFERENCE = 0.1, 0.15
-"""Parts of the progress that come before the measurements."""
+LOOKING, REFERENCE, TIMING_AGAIN = 0.1, 0.15, 0.1
+"""Parts of the progress before and after the measurements."""
 
 Settings = Mapping[str, object]
 
@@ -148,22 +148,27 @@ class Calibration:
                 )
                 yield from self._measure(settings, samples)
             before = LOOKING + REFERENCE
-            self.progress = max(
-                self.progress, before + (0.98 - before) * min(len(self.results) / expected, 1.0)
-            )
+            part = min(len(self.results) / expected, 1.0)
+            self.progress = max(self.progress, before + (1.0 - before - TIMING_AGAIN) * part)
 
     def _measure(self, settings: dict[str, object], samples: int) -> Iterator[bool]:
         yield True
-        spent = self.bench.seconds(settings, samples)
-        self._spent[_key(settings, samples)] = spent
+        spent = self.bench.seconds(settings)
         yield True
         places = self._axes.geometry_of(settings)
         if places not in self._rays:
             self._rays[places] = self.bench.ray_errors(settings)
             yield True
         rays = self._rays[places]
-        flip = self.bench.flip(settings, samples)
+        whole = 0.0
+        for done, seconds in self.bench.draw(settings, samples):
+            whole = seconds if done == 1 else whole + seconds
+            yield True
+        if samples > 1:  # the first sample draws what moves, and the others use it
+            spent = [whole]
+        self._spent[_key(settings, samples)] = spent
         given = {**settings, "samples": samples} if self._samples else settings
+        flip = self.bench.flip(samples)
         self.results.append(Measurement(given, median(spent), rays.metres, rays.texels, rays.pixels, flip))
 
     def _known(self, settings: Settings, samples: int) -> Measurement | None:
@@ -196,14 +201,17 @@ class Calibration:
         return found
 
     def _time_again(self) -> Iterator[bool]:
-        """Points of a front are the fastest of their like, in part by chance: they are timed twice."""
+        """Points of a front are the fastest of their like, in part by chance: single pictures once more."""
         best = {id(m) for error in ("pixels", "flip") for m in self._front(error)}
+        before = self.progress
         for i, measured in enumerate(self.results):
-            if id(measured) in best:
-                settings = dict(measured.settings)
-                samples = int(settings.pop("samples", 1))
+            self.progress = before + (1.0 - before) * i / len(self.results)
+            if id(measured) not in best:
+                continue
+            settings = dict(measured.settings)
+            if settings.pop("samples", 1) == 1:
                 spent = self._spent[self._key_of(measured)]
-                spent += self.bench.seconds(settings, samples, first_frame=20)
+                spent += self.bench.seconds(settings, first_frame=20)
                 self.results[i] = Measurement(**{**vars(measured), "seconds": median(spent)})
                 yield True
 

@@ -65,6 +65,11 @@ def new_bench(**settings) -> bench.Bench:
     return made
 
 
+def flip_of(found: bench.Bench, settings: dict, samples: int) -> float:
+    assert [done for done, _ in found.draw(settings, samples)] == list(range(1, samples + 1))
+    return found.flip(samples)
+
+
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few candidates, so that a test takes seconds."""
@@ -162,8 +167,8 @@ def test_flip_is_none_against_itself_and_grows_with_coarseness() -> None:
     found = new_bench()
     fine = {"texture_size": 256, "intersection_steps": 4}
     assert list(found.take_reference(fine, 3, 3, 1.0))[-1] == 1.0
-    assert found.flip(fine, 3) < 1e-6
-    coarse = found.flip({"texture_size": 32, "intersection_steps": 1}, 3)
+    assert flip_of(found, fine, 3) < 1e-6
+    coarse = flip_of(found, {"texture_size": 32, "intersection_steps": 1}, 3)
     assert 0.02 < coarse < 1.0
 
 
@@ -175,7 +180,7 @@ def test_parts_of_a_large_picture_stand_for_all_of_it(monkeypatch: pytest.Monkey
         monkeypatch.setattr(bench, "WINDOW", (24, 24))
         found = new_bench()
         list(found.take_reference({"texture_size": 256}, 2, 2, 1.0))
-        values.append(found.flip({"texture_size": 32}, 2))
+        values.append(flip_of(found, {"texture_size": 32}, 2))
     assert len(found._windows) == bench.WINDOWS
     assert values[1] == pytest.approx(values[0], rel=0.3)
 
