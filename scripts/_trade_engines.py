@@ -5,7 +5,8 @@ Fair to all: each pixel is the mean over its square, nothing is clamped, glossy 
 pixel has all samples, and the sun has no mirror image in the water. Cycles is else as Blender has it: light
 bounces 4 times between diffuse things. EEVEE traces rays at full resolution and quality, and half as far
 again as the picture reaches, as Lake Water's textures do. Its shadow maps have a quarter of their usual
-resolution: on software OpenGL they else take four fifths of its time, for the same picture.
+resolution: on software OpenGL they else take four fifths of its time, for the same picture. Cycles gets
+back-face culling, which it has not, as plants here are cards with two faces at one place.
 
 Fair in time: what counts is the next frame of an animation in which the waves have moved, with data kept
 between frames, from the evaluation of the scene to the last sample (and the denoiser, where there is one).
@@ -178,9 +179,28 @@ def _set_up(built: BuiltScene) -> None:
         for path, value in SETTINGS[engine].items():
             *inner, name = path.split(".")
             setattr(functools.reduce(getattr, inner, group), name, value)
+    _cull_in_cycles()
     # The lamp's mirror image, and the lamp seen through the surface: Lake Water's glow, which is off.
     built.sun.visible_glossy = built.sun.visible_transmission = False
     built.sun.data.specular_factor = built.sun.data.transmission_factor = 0.0
+
+
+def _cull_in_cycles() -> None:
+    """Let Cycles see through the backs of faces whose material says that they are not shown."""
+    for material in bpy.data.materials:
+        tree = material.node_tree
+        if tree is None or not material.use_backface_culling:
+            continue
+        output = tree.get_output_node("ALL")
+        shown = output.inputs["Surface"].links[0].from_socket
+        output.target = "EEVEE"
+        culled = tree.nodes.new("ShaderNodeOutputMaterial")
+        culled.target = "CYCLES"
+        mix = tree.nodes.new("ShaderNodeMixShader")
+        tree.links.new(tree.nodes.new("ShaderNodeNewGeometry").outputs["Backfacing"], mix.inputs[0])
+        tree.links.new(shown, mix.inputs[1])
+        tree.links.new(tree.nodes.new("ShaderNodeBsdfTransparent").outputs["BSDF"], mix.inputs[2])
+        tree.links.new(mix.outputs["Shader"], culled.inputs["Surface"])
 
 
 def _groups(scene: bpy.types.Scene) -> dict[str, bpy.types.PropertyGroup]:
