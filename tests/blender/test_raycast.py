@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 
 from lake_water_addon import raycast
+from lake_water_addon.core import waves
 from lake_water_addon.core.snapshot import Draw, Material, Mesh, MeshPart, SceneSnapshot
 from tests.gpu import scenes
 
@@ -92,3 +94,25 @@ def test_several_trees_are_as_good_as_one(monkeypatch) -> None:
 def test_nothing_to_hit_is_no_error() -> None:
     hits = raycast.RayCaster(scene()).cast(points(), DOWN)
     assert not hits.found.any()
+
+
+def test_a_mesh_of_water_has_the_slope_of_its_vertices_and_of_the_waves() -> None:
+    """A swell that is modeled, turned and scaled, under a wave: the slopes of both add up."""
+    from lake_water_addon import ray_truth  # needs Blender, which is imported by now
+
+    mesh = scenes.grid_mesh("swell", 201, 4.0, lambda x, y: 0.2 * np.sin(x))
+    turn = 0.7
+    matrix = scenes.translation(3.0, -2.0, 1.0)
+    cos, sin = np.cos(turn), np.sin(turn)
+    matrix[:3, :3] = np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)]) @ np.diag([2.0, 1.0, 1.5])
+    origin = np.array([0.5, 0.25, 0.0])
+    packed = waves.pack([waves.SineWave(0.1, 3.0, 0.4)], 0.0, 5.0)
+    planned = SimpleNamespace(body=SimpleNamespace(matrix=matrix), origin=origin, packed_waves=packed)
+    local = np.random.default_rng(2).uniform(-3.5, 3.5, (50, 2))
+    at = np.column_stack([local, 0.2 * np.sin(local[:, 0])]) @ matrix[:3, :3].T + origin
+    got = ray_truth._mesh_normals(planned, mesh, at)
+    along = 1.5 * 0.2 * np.cos(local[:, 0]) / 2.0  # of the swell, in the direction it runs in the world
+    slope = along[:, None] * (cos, sin) + waves.slope(packed, (at - origin)[:, :2])
+    want = np.column_stack([-slope, np.ones(len(slope))])
+    want /= np.linalg.norm(want, axis=1, keepdims=True)
+    np.testing.assert_allclose(got, want, atol=2e-3)
