@@ -68,8 +68,10 @@ DRY = FrameSettings(use_caustics=False, **ALWAYS)
 """The scene without water, with shadows, which every time is compared with."""
 
 SECONDS = 1.5
-"""What the timed frames of one point may take together, as long as there are LEAST_PAIRS of them."""
+"""What the timed frames of one point may take together, as long as there are LEAST_PAIRS of them..."""
 LEAST_PAIRS = 2
+MOST_SECONDS = 5.0
+"""... or they take as long as this: of a picture of many samples, one is a mean already."""
 
 COUNTED = 512
 """Texels a side of the counted light that caustics are compared with."""
@@ -173,7 +175,7 @@ class SceneBench:
             self._draw(of, settings, 1)
         wet, dry = [], []
         busy, own, began = busy_seconds(), time.process_time(), time.perf_counter()
-        while len(wet) < most_pairs and (len(wet) < LEAST_PAIRS or sum(wet) < SECONDS):
+        while len(wet) < most_pairs and sum(wet) < (SECONDS if len(wet) >= LEAST_PAIRS else MOST_SECONDS):
             self._advance(FRAME + 1 + len(wet))
             for of in (technique, None) if len(wet) % 2 else (None, technique):
                 spent, _ = self._draw(of, settings, samples if of else 1)
