@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
 
 from _trade_front import Row, better_than, front, mean_rows, quality_rows, row_of
 from _trade_points import BASE, SWEEPS, from_cells, point, points, quality_point, sweep_points, to_cells
+from _trade_report import Engine, cycles_ratio_at
 from _trade_table import Table
 
 from lake_water_addon.core.parameters import OWN, has_effect
@@ -150,3 +151,22 @@ def test_cells_that_are_no_numbers_are_left_out() -> None:
     assert row.size == (320, 240)
     assert row.settings == point("LAKE", {})
     assert set(QUALITIES) >= {"DRAFT", "BALANCED", "FINE", "BEST"}
+
+
+def cycles(samples: int, ratio: float, to_converged: float, *, denoised: bool = False) -> Engine:
+    about = {"denoised": denoised, "direct": False, "converged": False, "picture": None, "others": 0.0}
+    return Engine("a", "CYCLES", "", samples, **about, values={"ratio": ratio}, to_converged=to_converged)
+
+
+@pytest.mark.parametrize(
+    ("flip", "ratio", "word"),
+    [(0.15, 400.0, ""), (0.15 / 2**0.5, 800.0, ""), (0.4, 100.0, "at most"), (0.05, 1600.0, "more than")],
+)
+def test_the_time_of_cycles_at_equal_error(flip: float, ratio: float, word: str) -> None:
+    noisy = [cycles(4, 100.0, 0.3), cycles(16, 400.0, 0.15), cycles(64, 1600.0, 0.075)]
+    found, told = cycles_ratio_at(noisy, flip)
+    assert (found, told) == (pytest.approx(ratio), word)
+    # The denoiser counts where it is there sooner.
+    better = [*noisy, cycles(4, 130.0, 0.12, denoised=True), cycles(16, 440.0, 0.1, denoised=True)]
+    found, told = cycles_ratio_at(better, 0.15)
+    assert (found, told) == (pytest.approx(130.0), "at most")
