@@ -15,7 +15,8 @@ import bpy
 from gpu.types import GPUFrameBuffer
 
 from . import calibration, handlers
-from .calibration_properties import MEASURES, UNKNOWN, LakeWaterCalibration, LakeWaterCalibrationPoint
+from .calibration_plot import time_text
+from .calibration_properties import MEASURES, LakeWaterCalibration, LakeWaterCalibrationPoint
 from .core.parameters import OWN
 from .core.techniques import TECHNIQUES
 from .core.trade import Pace, Point, best_within, cheapest_within, pareto_front
@@ -135,16 +136,6 @@ def is_applied(scene: bpy.types.Scene, chosen: Choice) -> bool:
     return True
 
 
-def expectation(point: LakeWaterCalibrationPoint) -> str:
-    """What a point of the calibration is expected to take and to leave, in words."""
-    words = [f"{1000.0 * point.seconds:.3g} ms"]
-    if point.pixels != UNKNOWN:
-        words.append(f"{point.pixels:.2g} px")
-    if point.flip != UNKNOWN:
-        words.append(f"FLIP {point.flip:.2g}")
-    return ", ".join(words)
-
-
 # While an animation plays
 
 
@@ -240,7 +231,7 @@ def _viewport_points(settings: LakeWaterSceneSettings) -> list[Point]:
 def describe(pace: Pace) -> str:
     """What a pace draws with now, in words."""
     words = f"point {pace.index + 1} of {len(pace.front)}"
-    return words if pace.seconds is None else f"{words}, {1000.0 * pace.seconds:.3g} ms"
+    return words if pace.seconds is None else f"{words}, {time_text(pace.seconds)}"
 
 
 def publish(words: str) -> None:

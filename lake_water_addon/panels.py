@@ -13,6 +13,7 @@ from .calibration_panels import (
     RENDER_PT_lake_water_calibration,
     VIEW3D_PT_lake_water_calibration,
 )
+from .calibration_plot import point_text
 from .core import parameters
 from .core.settings import CAUSTICS_METHODS
 from .core.techniques import TECHNIQUES, Technique
@@ -315,7 +316,7 @@ class _Budget:
             wrapped(self.layout, f"Nothing measured is within {chosen.limit}: the nearest is taken", "ERROR")
         point = settings.calibration.points[chosen.number]
         wrapped(self.layout, f"Chosen: {calibration.words(chosen.settings)}", "CHECKMARK")
-        wrapped(self.layout, f"Expected: {budget.expectation(point)}", "BLANK1")
+        wrapped(self.layout, f"Expected: {point_text(point)}", "BLANK1")
         if not budget.is_applied(scene, chosen):
             wrapped(self.layout, "Settings were changed since", "INFO")
             self.layout.operator("lake_water.apply_budget", text="Apply Again")

@@ -53,10 +53,8 @@ def choose(job: Job, options: Namespace, context: Context) -> None:
     job.budget = {"asked": asked, **_choice(job, limit, measured), "best": dict(measured.axes.best)}
     calibration.apply_settings(job.scene, job.budget["settings"])
     took = duration(time.monotonic() - start)
-    words = calibration.words(job.budget["settings"])
-    context.console.out.write(
-        f"{asked}: {words}; expected {_words(job.budget['expected'])}, found in {took}\n"
-    )
+    words, expected = calibration.words(job.budget["settings"]), _words(job, job.budget["expected"])
+    context.console.out.write(f"{asked}: {words}; expected {expected}, found in {took}\n")
     if not job.budget["fits"]:
         nearest = "the fastest" if limit.kind == "TIME" else "the most exact"
         context.console.warn(f"note: nothing that was measured is within {asked}: {nearest} is taken")
@@ -118,9 +116,16 @@ def _choice(job: Job, limit: Limit, calibration: Any) -> dict[str, Any]:
     if limit.kind == "PIXELS":  # samples move nothing: the scene's own
         del settings["samples"]
         samples = job.scene.lake_water.samples
-        expected["seconds"] = median(calibration.bench.seconds(settings, samples))
-        expected["flip"] = calibration.bench.flip(settings, samples)
+        expected["seconds"], expected["flip"] = _picture(calibration.bench, settings, samples)
     return {"settings": settings, "fits": chosen is not None, "expected": _plain(expected)}
+
+
+def _picture(bench: Any, settings: Mapping[str, object], samples: int) -> tuple[float, float]:
+    """Seconds and FLIP of a picture of so many samples."""
+    for _ in bench.draw(settings, 1):  # makes what it needs
+        pass
+    seconds = sum(taken for _, taken in bench.draw(settings, samples))
+    return seconds, bench.flip(samples)
 
 
 def _plain(values: Mapping[str, float]) -> dict[str, float | None]:
@@ -128,8 +133,8 @@ def _plain(values: Mapping[str, float]) -> dict[str, float | None]:
     return {name: float(f"{value:.6g}") if np.isfinite(value) else None for name, value in values.items()}
 
 
-def _words(found: Mapping[str, float | None]) -> str:
-    words = [f"{1000.0 * found['seconds']:.3g} ms a frame"]
+def _words(job: Job, found: Mapping[str, float | None]) -> str:
+    words = [part_of(job.package, "calibration_plot").time_text(found["seconds"]) + " a frame"]
     if found["pixels"] is not None:
         words.append(f"{found['pixels']:.2g} px")
     if found["flip"] is not None:
@@ -152,7 +157,7 @@ def report(job: Job, options: Namespace, context: Context) -> dict[str, Any]:
     if options.stats is not None:
         measured |= _errors(job, job.frames[len(job.frames) // 2], context)
     found["measured"] = _plain(measured)
-    context.console.out.write(f"measured {_words(found['measured'])}\n")
+    context.console.out.write(f"measured {_words(job, found['measured'])}\n")
     return found
 
 
@@ -171,4 +176,4 @@ def _errors(job: Job, frame: int, context: Context) -> dict[str, float]:
             context.interrupts.check()
     except part_of(job.package, "bench").CalibrationError:
         return {}  # at this frame, no water is seen from the air
-    return {"pixels": bench.ray_errors(values).pixels, "flip": bench.flip(values, samples)}
+    return {"pixels": bench.ray_errors(values).pixels, "flip": _picture(bench, values, samples)[1]}

@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -459,7 +459,7 @@ def test_a_quality_is_set_before_other_options_and_for_the_size_of_the_frames(
 
 
 def test_a_budget_is_measured_chosen_from_and_resumed(scenes: dict[str, Path], tmp_path: Path) -> None:
-    """The most exact of all settings are within an hour; nothing is nearer than a billionth of a pixel."""
+    """The most exact of all settings are within an hour."""
     arguments = (
         scenes["pool"],
         "--output",
@@ -470,7 +470,7 @@ def test_a_budget_is_measured_chosen_from_and_resumed(scenes: dict[str, Path], t
         "stats.json",
     )
     said = render(*arguments, "--frames", 1, "--budget", "3600s", folder=tmp_path)
-    assert re.search(r"--budget 3600s: texture \d+, .*; expected .* ms a frame, .* px, FLIP ", said), said
+    assert re.search(r"--budget 3600s: texture \d+, .*; expected .* m?s a frame, .* px, FLIP ", said), said
     stats = json.loads((tmp_path / "stats.json").read_text())
     found = stats["budget"]
     assert found["fits"] and found["settings"]["samples"] > 1
@@ -485,11 +485,61 @@ def test_a_budget_is_measured_chosen_from_and_resumed(scenes: dict[str, Path], t
     assert "measuring" not in said and "1 of 2 frames are there" in said
     assert json.loads((tmp_path / "stats.json").read_text())["budget"]["settings"] == found["settings"]
 
-    said = render(*arguments, "--frames", 1, "--max-error", "1e-9px", folder=tmp_path)
-    assert "note: nothing that was measured is within --max-error 1e-9px: the most exact is taken" in said
-    settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
-    assert settings["budget"]["fits"] is False
-    assert settings["samples"] == 8, "samples move nothing"
+
+@pytest.mark.parametrize(
+    ("limit", "size", "samples", "fits", "seconds"),
+    [
+        (("TIME", 0.03), 256, 4, True, 0.03),
+        (("TIME", 0.001), 128, 1, False, 0.01),
+        (("PIXELS", 1.5), 256, None, True, 8.0),  # samples move nothing: the scene's own, measured anew
+        (("PIXELS", 0.1), 512, None, False, 8.0),
+        (("FLIP", 0.15), 256, 4, True, 0.03),
+        (("FLIP", 0.01), 512, 1, False, 0.05),
+    ],
+)
+def test_what_a_limit_of_the_script_chooses(
+    scripts: None,
+    blender: ModuleType,
+    registered_addon: ModuleType,
+    limit: tuple[str, float],
+    size: int,
+    samples: int | None,
+    fits: bool,
+    seconds: float,
+) -> None:
+    import _budget
+    from _arguments import Limit
+    from _blender_side import Job
+
+    from lake_water_addon.calibration import Measurement
+
+    scene = blender.context.scene
+    points = [(128, 1, 0.01, 2.0, 0.2), (256, 1, 0.02, 1.0, 0.16), (256, 4, 0.03, 1.0, 0.1)]
+    results = []
+    for *names, taken, pixels, flip in [*points, (512, 1, 0.05, 0.5, 0.05)]:
+        settings = dict(zip(("texture_size", "samples"), names, strict=True))
+        results.append(Measurement(settings, taken, 1.0, 1.0, pixels, flip))
+        point = scene.lake_water.calibration.points.add()
+        point.settings, point.seconds = json.dumps(settings), taken
+        point.pixels, point.flip = pixels, flip
+
+    class Bench:
+        def draw(self, settings: dict, samples: int) -> Iterator[tuple[int, float]]:
+            self.drawn = samples
+            return ((i + 1, 1.0) for i in range(samples))
+
+        def flip(self, samples: int) -> float:
+            return 0.01 * samples
+
+    calibration = SimpleNamespace(results=results, bench=Bench())
+    job = Job(registered_addon, scene, [], [1], False, [])
+    found = _budget._choice(job, Limit("", *limit), calibration)
+    expected = {"texture_size": size} | ({"samples": samples} if samples else {})
+    assert (found["settings"], found["fits"]) == (expected, fits)
+    assert found["expected"]["seconds"] == seconds
+    if limit[0] == "PIXELS":
+        assert calibration.bench.drawn == scene.lake_water.samples == 8
+        assert found["expected"]["flip"] == 0.08
 
 
 def test_a_texture_beyond_the_limit_of_the_gpu_is_refused(
