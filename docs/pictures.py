@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures of docs/light.md, docs/techniques.md and docs/water_line.md, side by side.
+"""The pictures of docs/light.md, docs/techniques.md, docs/limits.md and docs/water_line.md, side by side.
 
     .venv/bin/python docs/pictures.py docs/images
     .venv/bin/python docs/pictures.py docs/images --only caustics
@@ -23,7 +23,7 @@ from mathutils import Vector
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "scripts")]
 
 import lake_water_addon  # noqa: E402 - after the path
 from lake_water_addon.core.techniques import TECHNIQUES  # noqa: E402
@@ -229,9 +229,17 @@ def engines(lake: LakeScene) -> Image.Image:
     return beside(pictures)
 
 
+def limits(_: LakeScene) -> Image.Image:
+    """Each technique at its best in a view of the trade's own; see limits.py."""
+    from limits import sheet
+
+    return sheet()
+
+
 PICTURES = {
     "techniques": techniques,
     "engines": engines,
+    "limits": limits,
     "caustics": caustics,
     "shadows": shadows,
     "glow": glow,
