@@ -51,7 +51,7 @@ LIGHT = {name: tuple(options) for name, options in LIGHT.items()}
 """What decides how bright is what is found there."""
 
 BEST = {
-    "intersection_steps": 8,
+    "intersection_steps": 16,
     "reflection_steps": 64,
     "traced_march_steps": 128,
     "traced_bisection_steps": 10,

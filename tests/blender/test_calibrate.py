@@ -12,6 +12,7 @@ import pytest
 
 from lake_water_addon import bench, calibration, calibration_plot, handlers, water_objects
 from lake_water_addon.core import candidates, optics, waves
+from lake_water_addon.core.techniques import TECHNIQUES
 from lake_water_addon.extract import camera_from_object
 from lake_water_addon.host import Host, frame_settings
 
@@ -151,7 +152,7 @@ def test_a_mesh_has_the_normals_that_it_is_shaded_with() -> None:
     assert found["MESH"] == pytest.approx(found["GRID"], abs=1e-3)
 
 
-@pytest.mark.parametrize("technique", ["LAKE", "TRACED", "SIMPLE_LAKE"])
+@pytest.mark.parametrize("technique", TECHNIQUES)
 def test_errors_hold_for_other_pixels_and_times(technique: str) -> None:
     pool()
     found = new_bench(technique=technique, texture_size=256)
