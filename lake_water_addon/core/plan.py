@@ -212,10 +212,6 @@ class FramePlan:
         """Index of the body that the picture begins in, wholly or in part."""
         return next((i for i, body in enumerate(self.bodies) if body.under is not None), None)
 
-    def without_water(self) -> FramePlan:
-        """The same picture with no water in it, to compare with."""
-        return replace(self, bodies=(), glow=GlowPlan(False, "there is no water"))
-
 
 def render_origin(snapshot: SceneSnapshot) -> np.ndarray:
     """(3,) float64: where render space's origin lies in the world. Depends on the scene, not on the view."""
