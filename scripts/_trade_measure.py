@@ -436,9 +436,7 @@ def measure_trade(options: argparse.Namespace, machine: Mapping[str, str]) -> No
     commit = current_commit()
     run = Run(options.output, machine, accuracy, options.detail)
     longer_side = max(options.resolution)
-    wanted = {
-        t: points(t, longer_side, quick=options.quick, brief=options.brief) for t in options.techniques
-    }
+    wanted = {t: points(t, longer_side, quick=options.quick, brief=options.brief) for t in options.techniques}
     number = sum(map(len, wanted.values()))
     kinds = [kind for kind, asked in (("error", options.errors), ("time", options.times)) if asked]
     with tqdm(total=number * len(kinds) * len(scenes), unit="point", disable=options.quiet) as bar:

@@ -78,8 +78,11 @@ class Measured:
             return kept["picture"].astype(np.float64)
 
     def reference(self, row: Row) -> tuple[np.ndarray, np.ndarray] | None:
-        """Radiance (h, w, 3) and water (h, w) of what a point is compared with."""
-        path = reference_file(self.folder, self.lines[row.scene, row.key], optics_of(row.technique))
+        """Radiance (h, w, 3) and water (h, w) of what a point is compared with; None without errors."""
+        line = self.lines[row.scene, row.key]
+        if "photons" not in line:
+            return None
+        path = reference_file(self.folder, line, optics_of(row.technique))
         if not path.exists():
             return None
         with np.load(path) as kept:

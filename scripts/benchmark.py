@@ -15,8 +15,9 @@ import argparse
 import json
 import os
 import platform
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from _arguments import count, identifier, number, size
@@ -114,6 +115,7 @@ def _add_trade(trade: argparse.ArgumentParser) -> None:
     only.add_argument("--errors-only", action="store_true", help="no times, as on a busy machine")
     only.add_argument("--times-only", action="store_true", help="no errors")
     only.add_argument("--report-only", action="store_true", help="measure nothing more")
+    add("--no-report", action="store_true", help=argparse.SUPPRESS)
     add(
         "--report",
         type=Path,
@@ -153,9 +155,14 @@ def _trade(options: argparse.Namespace) -> int:
     options.times = not (options.errors_only or options.report_only)
     if not options.report_only:
         from _trade_measure import measure_trade
+        from _trade_scenes import TRADE_SCENES
 
-        status = _with_blender(lambda: measure_trade(options, this_machine()), RESUMES)
-        if status != 0:
+        scenes = options.scenes or list(TRADE_SCENES)
+        if len(scenes) > 1:
+            status = _each_alone(scenes)
+        else:
+            status = _with_blender(lambda: measure_trade(options, this_machine()), RESUMES)
+        if status != 0 or options.no_report:
             return status
     folder = options.report or options.output / "report"
     try:
@@ -164,6 +171,19 @@ def _trade(options: argparse.Namespace) -> int:
         print(f"benchmark: {error}", file=sys.stderr)
         return 2
     print(f"{written}")
+    return 0
+
+
+def _each_alone(scenes: Sequence[str]) -> int:
+    """Measure each scene in a process of its own: opening the next would end the graphics context."""
+    for scene in scenes:
+        try:
+            # Of an option that is given twice, the last counts.
+            status = subprocess.call([sys.executable, *sys.argv, "--scenes", scene, "--no-report"])
+        except KeyboardInterrupt:
+            return 130  # the other has said so
+        if status != 0:
+            return status
     return 0
 
 
