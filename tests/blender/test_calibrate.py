@@ -79,6 +79,9 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(candidates, "RATIOS", (0.7, 2.7))
     monkeypatch.setattr(candidates, "GRIDS", (2,))
     monkeypatch.setattr(candidates, "LIGHT", {"caustics": candidates.LIGHT["caustics"][:2]})
+    small = {"caustics_size": 256, "photon_size": 128, "light_depth_size": 512, "least_grid_resolution": 64}
+    monkeypatch.setattr(candidates, "BEST", candidates.BEST | small | {"reflection_steps": 16})
+    monkeypatch.setattr(bench, "FRAMES_SECONDS", 0.05)
     monkeypatch.setattr(calibration, "QUALITIES", {"DRAFT": calibration.QUALITIES["DRAFT"]})
     monkeypatch.setattr(calibration, "REFERENCE_SAMPLES", (4, 2))
     monkeypatch.setattr(calibration, "COMBINATIONS", 2)
