@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -302,7 +303,7 @@ def floors_table(measured: Measured) -> Table:
 
 
 def geometry_table(measured: Measured) -> Table:
-    """Errors of rays of the base of each technique, means over scenes."""
+    """Errors of rays of the base of each technique, medians over scenes."""
     header = (
         "technique",
         "refracted: m",
@@ -326,24 +327,24 @@ def geometry_table(measured: Measured) -> Table:
         if not of:
             continue
 
-        def mean(column: str, of: list[Row] = of) -> float:
+        def middle(column: str, of: list[Row] = of) -> float:
             given = [r[column] for r in of if column in r.values]
-            return float(np.mean(given)) if given else math.nan
+            return float(np.median(given)) if given else math.nan
 
         rows.append(
             (
                 TECHNIQUES[technique].label,
-                f"{mean('refracted_median_m'):.3f}",
-                _percent(mean("refracted_median_share")),
-                _ratio(mean("refracted_median_texels")),
-                _ratio(mean("refracted_median_pixels")),
-                _percent(mean("refracted_beyond"), 0),
-                _percent(mean("refracted_missed")),
-                _percent(mean("refracted_false")),
-                _ratio(mean("reflected_median_pixels")),
-                _percent(mean("reflected_beyond"), 0),
-                _percent(mean("reflected_missed"), 0),
-                _percent(mean("reflected_false"), 0),
+                f"{middle('refracted_median_m'):.3f}",
+                _percent(middle("refracted_median_share")),
+                _ratio(middle("refracted_median_texels")),
+                _ratio(middle("refracted_median_pixels")),
+                _percent(middle("refracted_beyond"), 0),
+                _percent(middle("refracted_missed")),
+                _percent(middle("refracted_false")),
+                _ratio(middle("reflected_median_pixels")),
+                _percent(middle("reflected_beyond"), 0),
+                _percent(middle("reflected_missed"), 0),
+                _percent(middle("reflected_false"), 0),
             )
         )
     return Table(header, rows)
@@ -584,13 +585,15 @@ def _about(measured: Measured) -> str:
     commits = list(dict.fromkeys(line["commit"] for line in measured.lines.values() if line.get("commit")))
     width, height = measured.rows[0].size
     shared = [row["shared"] for row in measured.rows if "shared" in row.values] or [math.nan]
+    points = Counter(row.scene for row in measured.rows)
+    counted = ", ".join(f"{measured.labels[scene]} {number}" for scene, number in points.items())
     return (
         f"{machine['renderer']}, {machine['driver']}, {machine['cores']} cores, Blender "
         f"{machine['blender']}; "
         f"{width} × {height}; measured {about['began']} to {about['ended']} at commit {', '.join(commits)}; "
         f"references of {float(about['photons']):.0e} photons in each window and {about['rays']} rays a "
         f"pixel. While times were measured, other programs had {_percent(float(np.median(shared)), 0)} of "
-        f"the processor (median; at most {_percent(max(shared), 0)})."
+        f"the processor (median; at most {_percent(max(shared), 0)}). Points: {counted}."
     ).replace("e+0", "e")
 
 
@@ -737,7 +740,7 @@ def _section_settings(measured: Measured, images: Path) -> list[str]:
     text.append("## Rays and light")
     if plot_geometry(measured.rows, measured.labels, images / "geometry.png"):
         text.append(f"![Errors of rays and of caustics]({IMAGES}/geometry.png)")
-    text += ["Errors of rays at the base, medians over the water's pixels, means over the scenes:"]
+    text += ["Errors of rays at the base, medians over the water's pixels and over the scenes:"]
     text.append(geometry_table(measured).markdown())
     caustics = caustics_table(measured)
     if caustics.rows:

@@ -9,8 +9,10 @@ INTRODUCTION = """# What each setting costs, and what error it leaves
     .venv/bin/python scripts/benchmark.py trade --engines --report docs
 
 draws eight scenes with every technique and setting, compares each picture with a reference, and writes this
-page, [trade.csv](trade.csv) with every measured point, and the plots. It takes about an hour and a half on
-four cores; what it has measured it keeps in `build/trade`, and the same command goes on where it stopped.
+page, [trade.csv](trade.csv) with every measured point, and the plots. It takes some hours on four cores and
+software OpenGL; what it has measured it keeps in `build/trade`, and the same command goes on where it stopped.
+`--brief` measures the ends of the ranges of the most important settings alone; the number of points below says
+where that was done.
 No figure below is edited by hand."""
 
 HOW = """## What is measured
@@ -41,7 +43,7 @@ ENGINES = """## Other engines
 The same scenes by EEVEE, with its ray tracing, and Cycles, on the water's own nodes, in the same run
 (`_trade_engines.py` tells the settings). A time is that of the next frame of an animation, with data kept
 between frames; *shared* is the part of the processor that other programs had meanwhile. Cycles' converged
-picture has 1024 samples for each pixel."""
+picture is the one with the most samples."""
 
 AGREEMENT = """Cycles against the image truths, on the water: FLIP, and mean brightness relative to them.
 *Direct light* is Cycles with no light between diffuse surfaces, as the references have none. Cycles shows
