@@ -9,10 +9,10 @@ INTRODUCTION = """# What each setting costs, and what error it leaves
     .venv/bin/python scripts/benchmark.py trade --engines --report docs
 
 draws eight scenes with every technique and setting, compares each picture with a reference, and writes this
-page, [trade.csv](trade.csv) with every measured point, and the plots. It takes some hours on four cores and
-software OpenGL; what it has measured it keeps in `build/trade`, and the same command goes on where it stopped.
-`--brief` measures the ends of the ranges of the most important settings alone; the number of points below says
-where that was done.
+page, [trade.csv](trade.csv) with every measured point, and the plots. It takes some hours on four cores
+and software OpenGL; what it has measured it keeps in `build/trade`, and the same command goes on where it
+stopped. `--brief` measures the ends of the ranges of the most important settings alone; the number of points
+below says where that was done.
 No figure below is edited by hand."""
 
 HOW = """## What is measured
