@@ -21,8 +21,6 @@ from _trade_points import (
     ALWAYS,
     DEFAULT,
     Settings,
-    body_changes,
-    frame_changes,
     optics_of,
     point,
     points,
@@ -45,7 +43,7 @@ from _trade_table import (
 from tqdm import tqdm
 
 from lake_water_addon import handlers
-from lake_water_addon.core.parameters import OWN
+from lake_water_addon.core.overlay import lay_over
 from lake_water_addon.core.plan import FramePlan, pixel_jitter
 from lake_water_addon.core.quality import QUALITIES
 from lake_water_addon.core.settings import FrameSettings
@@ -156,8 +154,7 @@ class SceneBench:
         if technique is None:
             snapshot, frame = replace(snapshot, waters=()), DRY
         else:
-            snapshot = with_body(snapshot, body_changes(settings))
-            frame = FrameSettings(technique=technique, **ALWAYS, **frame_changes(settings))
+            frame, snapshot = lay_over(FrameSettings(technique=technique, **ALWAYS), snapshot, settings)
         for sample in range(samples):
             jitter = pixel_jitter(sample, samples, *self.size)
             plan = host.plan(snapshot, camera, self.scene, settings=frame, jitter=jitter, samples=samples)
@@ -224,8 +221,8 @@ class SceneBench:
 
     def _plan(self, technique: str, settings: Settings) -> FramePlan:
         snapshot, camera = self._extracted(self._wet)
-        frame = FrameSettings(technique=technique, **ALWAYS, **frame_changes(settings))
-        return self._wet.plan(with_body(snapshot, body_changes(settings)), camera, self.scene, settings=frame)
+        frame, snapshot = lay_over(FrameSettings(technique=technique, **ALWAYS), snapshot, settings)
+        return self._wet.plan(snapshot, camera, self.scene, settings=frame)
 
     def picture_errors(self, picture: np.ndarray, optics: str) -> dict[str, float]:
         """PICTURE_ERRORS on the water and, with `_all`, of the whole. optics: a key of OPTICS."""
@@ -367,25 +364,6 @@ def traced_optics(settings: WaterSettings) -> WaterOptics:
 
 
 OPTICS = {"project": project_optics, "physical": traced_optics}
-
-
-def with_body(snapshot: SceneSnapshot, changes: Settings) -> SceneSnapshot:
-    """The snapshot with settings of its water bodies changed, technique's own ones under their full names."""
-    if not changes:
-        return snapshot
-    waters = []
-    for body in snapshot.waters:
-        settings = body.settings
-        for name, value in changes.items():
-            if name in OWN:
-                kind = TECHNIQUES[OWN[name].technique].settings
-                own = replace(settings.of(kind), **{OWN[name].field: value})
-                others = tuple(s for s in settings.own if type(s) is not kind)
-                settings = replace(settings, own=(*others, own))
-            else:
-                settings = replace(settings, **{name: value})
-        waters.append(replace(body, settings=settings))
-    return replace(snapshot, waters=tuple(waters))
 
 
 def resampled(light: np.ndarray, size: int) -> np.ndarray:

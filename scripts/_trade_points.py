@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 
-from lake_water_addon.core.parameters import OWN, WATER, has_effect
+from lake_water_addon.core.parameters import OWN, has_effect
 from lake_water_addon.core.quality import QUALITIES, quality_settings, texture_size
 from lake_water_addon.core.settings import FrameSettings
 from lake_water_addon.core.techniques import TECHNIQUES
@@ -202,16 +202,6 @@ def _once(found: Iterable[dict[str, object]]) -> list[dict[str, object]]:
 def optics_of(technique: str) -> str:
     """What a technique is to come near to: the project's own model, or the physics of water."""
     return "physical" if TECHNIQUES[technique].spectral else "project"
-
-
-def frame_changes(settings: Settings) -> dict[str, object]:
-    """What of a point is a setting of the picture."""
-    return {name: value for name, value in settings.items() if name in _FRAME}
-
-
-def body_changes(settings: Settings) -> dict[str, object]:
-    """What of a point is the water body's: its settings, and those of techniques under their full names."""
-    return {name: value for name, value in settings.items() if name in WATER or name in OWN}
 
 
 def to_cells(settings: Settings) -> dict[str, str]:
