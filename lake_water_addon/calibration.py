@@ -386,7 +386,10 @@ _LABELS = {
 
 def words(settings: Settings) -> str:
     """A point's settings for a person."""
-    found = [text.format(settings[name]) for name, text in _LABELS.items() if name in settings]
+    replaced = {"intersection_steps"} if settings.get("refraction_steps") else set()
+    found = [t.format(settings[name]) for name, t in _LABELS.items() if name in settings.keys() - replaced]
+    if settings.get("refraction_steps"):
+        found.append(f"refractions in {settings['refraction_steps']} steps")
     if settings.get("least_grid_resolution", 2) > 2:
         found.append(f"grid {settings['least_grid_resolution']}")
     if "reflection_steps" in settings:

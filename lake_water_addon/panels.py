@@ -267,7 +267,12 @@ def draw_render_settings(
     column.prop(settings, "quality")
     column.separator()
     if parameters.has_effect("intersection_steps", settings.technique):
-        column.prop(settings, "intersection_steps", text="Steps")
+        row = column.row()
+        # Dimmed, not locked, as its place is taken by the next.
+        row.active = not settings.refraction_steps
+        row.prop(settings, "intersection_steps", text="Steps")
+    if parameters.has_effect("refraction_steps", settings.technique):
+        column.prop(settings, "refraction_steps", text="Refraction")
     if parameters.has_effect("reflection_steps", settings.technique):
         column.prop(settings, "reflection_steps", text="Reflection")
     if parameters.has_effect("use_exact_fresnel", settings.technique):

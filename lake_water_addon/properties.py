@@ -404,19 +404,31 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     intersection_steps: IntProperty(
         name="Intersection Steps",
         description="Steps of the search for the point where a refracted ray meets the bottom: the main dial "
-        "between speed and accuracy. 1 looks straight through the surface, 2 bends the sight towards a level "
-        "bottom, 3 is the thesis's choice, more helps where the bottom is uneven",
+        "between speed and accuracy. 1 bends the sight towards a level bottom, 3 is the thesis's choice, "
+        "more helps where the bottom is uneven",
         default=DEFAULTS.intersection_steps,
         min=1,
         max=16,
         soft_max=8,
         **NOTIFY,
     )
+    refraction_steps: IntProperty(
+        name="Refraction Steps",
+        description="Most steps along a refracted ray, through the distances of the refraction texture, "
+        "until it meets what it shows. 0 is the thesis's choice: the search, from a camera turned into the "
+        "water, which misses what lies behind edges. 32 is enough for most bottoms; time grows with it",
+        default=DEFAULTS.refraction_steps,
+        min=0,
+        max=256,
+        soft_max=64,
+        **NOTIFY,
+    )
     reflection_steps: IntProperty(
         name="Reflection Steps",
         description="Most steps along a reflected ray, through the distances of the reflection texture, "
-        "until it meets what it mirrors. 0 is the thesis's choice: looked up a fixed way along the ray, the "
-        "reflection offset c. 16 is enough for most shores; time grows with it",
+        "until it meets what it mirrors; from under water, along refracted rays, too. 0 is the thesis's "
+        "choice: looked up a fixed way along the ray, the reflection offset c. 16 is enough for most shores; "
+        "time grows with it",
         default=DEFAULTS.reflection_steps,
         min=0,
         max=256,

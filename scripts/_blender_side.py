@@ -38,7 +38,8 @@ SUN_SETTINGS = (
 )
 SCENE_SETTINGS = (
     *("technique", "quality", "samples", "fov_ext", "texture_size", "intersection_steps"),
-    *("least_grid_resolution", "reflection_steps", "use_exact_fresnel", "use_exact_under_water"),
+    *("least_grid_resolution", "refraction_steps", "reflection_steps"),
+    *("use_exact_fresnel", "use_exact_under_water"),
     *SUN_SETTINGS,
 )
 WATER_SETTINGS = ("k", "q", "c", "ior", "water_color", "depth")

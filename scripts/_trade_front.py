@@ -127,8 +127,11 @@ def quality_rows(rows: Iterable[Row]) -> list[Row]:
     if model is None:
         return []
 
+    # The search's steps are what a quality does without, by following rays.
+    freed = {*QUALITY_DIALS, "intersection_steps", "c", "q"}
+
     def rest(row: Row) -> dict[str, object]:
-        return {name: value for name, value in row.settings.items() if name not in (*QUALITY_DIALS, "c", "q")}
+        return {name: value for name, value in row.settings.items() if name not in freed}
 
     return [r for r in rows if rest(r) == rest(model) and not {"c", "q"} & r.settings.keys()]
 

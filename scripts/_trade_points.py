@@ -24,6 +24,7 @@ BASE: Settings = {
     "fov_ext": 1.5,
     "least_grid_resolution": 128,
     "intersection_steps": 3,
+    "refraction_steps": 0,
     "reflection_steps": 16,
     "use_exact_fresnel": True,
     "use_caustics": True,
@@ -62,6 +63,7 @@ SWEEPS = (
     Sweep("fov_ext", "FOV extension", (1.0, 1.2, 2.0), few=(1.0,)),
     Sweep("least_grid_resolution", "Grid resolution", (49, 256, 384), few=(256,)),
     Sweep("samples", "Samples", (2, 4, 16), few=(4,)),
+    Sweep("refraction_steps", "Refraction steps", (8, 16, 32, 64)),
     Sweep("reflection_steps", "Reflection steps", (0, 4, 8, 32)),
     Sweep("c", "Reflection offset c", (0.0, 3.0, 10.0, 100.0), {"reflection_steps": 0}, few=(10.0,)),
     Sweep("q", "Schlick's exponent q", (5.65,), {"use_exact_fresnel": False}, few=(4.5,)),
@@ -92,24 +94,25 @@ CHEAP = {
     "light_depth_size": 512,
 }
 FINE = {
-    "intersection_steps": 8,
+    "refraction_steps": 32,
     "least_grid_resolution": 256,
     "caustics_size": 1024,
     "photon_size": 512,
     "light_depth_size": 2048,
 }
 
+_FOLLOWED = {"refraction_steps": 16, "reflection_steps": 32}
 COMBINATIONS: tuple[tuple[float, Settings], ...] = (
     (0.4, {"intersection_steps": 1, "reflection_steps": 0, "use_exact_fresnel": False, **CHEAP}),
-    (0.4, {"reflection_steps": 8, **CHEAP}),
-    (0.8, {"reflection_steps": 8, **CHEAP}),
-    (0.8, {"intersection_steps": 6, "reflection_steps": 16}),
-    (1.2, {"intersection_steps": 6, "reflection_steps": 32}),
-    (1.6, {"intersection_steps": 6, "reflection_steps": 32, "photon_size": 512}),
-    (1.6, {"samples": 2, "intersection_steps": 6, "reflection_steps": 32, "photon_size": 512}),
+    (0.4, {"refraction_steps": 8, "reflection_steps": 8, **CHEAP}),
+    (0.8, {"intersection_steps": 3, "reflection_steps": 8, **CHEAP}),
+    (0.8, {"refraction_steps": 16, "reflection_steps": 16}),
+    (1.2, _FOLLOWED),
+    (1.6, {**_FOLLOWED, "fov_ext": 1.2, "photon_size": 512}),
+    (1.6, {"samples": 2, **_FOLLOWED, "fov_ext": 1.2, "photon_size": 512}),
     (1.6, {"samples": 4, "intersection_steps": 6, "reflection_steps": 32, "photon_size": 512}),
     (1.6, {"samples": 4, "reflection_steps": 64, **FINE}),
-    (2.4, {"samples": 4, "reflection_steps": 64, **FINE}),
+    (2.4, {"samples": 4, "reflection_steps": 64, "fov_ext": 1.2, **FINE}),
     (1.2, {"samples": 16, "reflection_steps": 64, **FINE}),
 )
 """Texels of the texture for each pixel of the picture's longer side, and what differs from the base."""
@@ -118,7 +121,8 @@ FEW_COMBINATIONS = (2, 10)
 """Those that are measured for techniques other than Lake."""
 
 BRIEF = (
-    *("intersection_steps", "texture_size", "reflection_steps", "c", "q", "least_grid_resolution"),
+    *("intersection_steps", "refraction_steps", "reflection_steps", "texture_size", "fov_ext", "c", "q"),
+    "least_grid_resolution",
     *("use_caustics", "traced_march_steps"),
 )
 """The dials that a brief run turns."""
@@ -132,6 +136,8 @@ def point(technique: str, changes: Settings, base: Settings = BASE) -> dict[str,
     dials = {**base, **changes}
     if dials.get("reflection_steps", 0) and has_effect("reflection_steps", technique):
         dials.pop("c", None)
+    if dials.get("refraction_steps", 0) and has_effect("refraction_steps", technique):
+        dials.pop("intersection_steps", None)
     if dials.get("use_exact_fresnel") and has_effect("use_exact_fresnel", technique):
         dials.pop("q", None)
     if not dials.get("use_caustics", True):

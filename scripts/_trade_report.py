@@ -206,13 +206,14 @@ def _settings_words(settings: Mapping[str, object]) -> str:
         ("fov_ext", "FOV {:g}".format),
         ("least_grid_resolution", "grid {}".format),
         ("intersection_steps", lambda v: f"{v} steps" if v > 1 else "1 step"),
+        ("refraction_steps", lambda v: f"refraction {v}" if v else ""),
         ("reflection_steps", "reflection {}".format),
         ("use_exact_fresnel", lambda v: "exact Fresnel" if v else "Schlick"),
         ("caustics_size", "caustics {}".format),
         ("photon_size", lambda v: f"photons {v}" + (f" of {steps} steps" if steps > 1 else "")),
         ("light_depth_size", "light {}".format),
     )
-    return ", ".join(say(settings[name]) for name, say in told if name in settings)
+    return ", ".join(filter(None, (say(settings[name]) for name, say in told if name in settings)))
 
 
 def _other_words(settings: Mapping[str, object], base: Mapping[str, object]) -> str:

@@ -254,6 +254,12 @@ def build_parser(known: Known) -> argparse.ArgumentParser:
         help="of the search for the bottom along a refracted ray",
     )
     add(
+        "--refraction-steps",
+        type=int,
+        metavar="N",
+        help="of the search for what a refracted ray meets, in place of --intersection-steps; 0 for those",
+    )
+    add(
         "--reflection-steps",
         type=int,
         metavar="N",

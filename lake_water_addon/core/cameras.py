@@ -159,7 +159,10 @@ def turning_ray(view: np.ndarray, projection: np.ndarray) -> tuple[np.ndarray, n
 
 def apparent_depth(cosine: np.ndarray, n12: float) -> np.ndarray:
     """Apparent over true depth below a flat surface, of what is seen at an angle of incidence with this
-    cosine: tan(refraction) / tan(incidence) = cosine / sqrt(1 / n12^2 - 1 + cosine^2); n12 straight down."""
+    cosine: tan(refraction) / tan(incidence) = cosine / sqrt(1 / n12^2 - 1 + cosine^2); n12 straight down.
+
+    From below, with n12 > 1, apparent over true height of what is above, unless all is reflected.
+    """
     return cosine / np.sqrt(1.0 / n12**2 - 1.0 + cosine**2)
 
 

@@ -31,11 +31,14 @@ GRIDS = (OWN_GRID, 64, 128, 256)
 _SIZES = ((256, 128), (512, 256), (1024, 512))
 
 GEOMETRY = {
-    "intersection_steps": (1, 2, 3, 5, 8),
-    "reflection_steps": (0, 16, 32),
-    "traced_march_steps": (8, 16, 32, 64, 128),
-    "traced_bisection_steps": (3, 6, 10),
-    "fov_ext": (1.2, 1.5, 2.0),
+    "intersection_steps": (
+        *({"intersection_steps": steps, "refraction_steps": 0} for steps in (1, 2, 3, 5, 8)),
+        *({"intersection_steps": 3, "refraction_steps": steps} for steps in (16, 32)),
+    ),
+    "reflection_steps": tuple({"reflection_steps": steps} for steps in (0, 16, 32)),
+    "traced_march_steps": tuple({"traced_march_steps": steps} for steps in (8, 16, 32, 64, 128)),
+    "traced_bisection_steps": tuple({"traced_bisection_steps": steps} for steps in (3, 6, 10)),
+    "fov_ext": tuple({"fov_ext": factor} for factor in (1.2, 1.5, 2.0)),
 }
 """Beside the size of the textures: what decides where rays are taken to end."""
 
@@ -51,7 +54,8 @@ LIGHT = {name: tuple(options) for name, options in LIGHT.items()}
 """What decides how bright is what is found there."""
 
 BEST = {
-    "intersection_steps": 16,
+    "intersection_steps": 3,
+    "refraction_steps": 64,
     "reflection_steps": 64,
     "traced_march_steps": 128,
     "traced_bisection_steps": 10,
@@ -66,6 +70,7 @@ BEST = {
 
 BASE = {
     "intersection_steps": 3,
+    "refraction_steps": 0,
     "reflection_steps": 16,
     "traced_march_steps": 32,
     "traced_bisection_steps": 6,
@@ -124,9 +129,9 @@ def axes(
     largest = min(LARGEST, largest)
     sizes = sorted({min(texture_size(ratio, longer_side), largest) for ratio in RATIOS})
     geometry = {"texture_size": tuple({"texture_size": size} for size in sizes)}
-    for name, values in GEOMETRY.items():
+    for name, options in GEOMETRY.items():
         if name in own or (name not in OWN and has_effect(name, technique)):
-            geometry[name] = tuple({name: value} for value in values)
+            geometry[name] = options
     if grid is not None:
         finer = [value for value in GRIDS if value == OWN_GRID or value > grid]
         geometry["least_grid_resolution"] = tuple({"least_grid_resolution": value} for value in finer)

@@ -235,7 +235,7 @@ def photon(point: WaterPoint, mesh_turn: np.ndarray, launch: np.ndarray, scene: 
     def depth_at(uv):
         return bottom_depth(scene.depth, uv, float(camera.texel.max()))
 
-    found = intersect(at, direction, depth_at, projection, scene.steps + 1)
+    found = intersect(at, direction, depth_at, projection, scene.steps)
     way = np.sum((found.hit - at) * direction, axis=1)
     scale = 0.5 * np.diag(projection)[:2]
     height = point.position[:, 2] - scene.origin[2]

@@ -43,6 +43,15 @@ HIDDEN_LAND = 0.4
 """How far behind what hides it a ray may meet something, as a part of its own depth: behind what stands on
 land there is more often sky than not."""
 
+HIDDEN_BOTTOM = 1.0
+"""The same in the water: there is always a bottom."""
+
+LEAST_DESCENT = 0.05
+"""Least -z of a direction into the water; refraction at the steepest wave leaves more."""
+
+BELOW_LOWEST = 0.1
+"""m below the lowest thing in the water where a ray ends."""
+
 
 class Search(Protocol):
     """How rays are followed.
@@ -54,6 +63,15 @@ class Search(Protocol):
     march_steps: int
     bisection_steps: int
     thickness: float
+
+
+@dataclass(frozen=True)
+class FollowedRays:
+    """The `Search` of Lake, from the air and from below."""
+
+    march_steps: int
+    bisection_steps: int = 6
+    thickness: float = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,26 +214,38 @@ def along_in_camera(planned: TexturePass, direction: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True, eq=False)
 class TracedTextures:
     """What the water looks up. lookups: colours and sky; refraction_depth, reflection_depth: (size, size)
-    distances along the axes of the passes' cameras in m, first row at the bottom."""
+    distances along the axes of the passes' cameras in m, first row at the bottom; None where no ray of that
+    kind is followed."""
 
     lookups: WaterTextures
-    refraction_depth: np.ndarray
-    reflection_depth: np.ndarray
+    refraction_depth: np.ndarray | None
+    reflection_depth: np.ndarray | None
 
 
-def trace_reflection(
+def trace_upwards(
+    surface: np.ndarray, direction: np.ndarray, planned: TexturePass, search: Search, depth: np.ndarray
+) -> Trace:
+    """What rays (n, 3) from surface points (n, 3) meet above the water, in the depth texture of a pass."""
+    origin, along = in_camera(planned, surface), along_in_camera(planned, direction)
+    end = np.full(len(surface), FARTHEST)
+    ray = texture_ray(origin, along, planned.projection, end, len(depth))
+    return trace(depth, ray, len(depth), search, HIDDEN_LAND)
+
+
+def trace_downwards(
     surface: np.ndarray,
     direction: np.ndarray,
-    body: BodyPlan,
+    planned: TexturePass,
+    lowest: float,
     search: Search,
     depth: np.ndarray,
 ) -> Trace:
-    """What reflected rays (n, 3) from surface points (n, 3) meet in the reflection's depth texture."""
-    planned, size = body.reflection, len(depth)
+    """What rays (n, 3) from surface points (n, 3) meet in the water. lowest: the bottom's least height."""
+    descent = np.maximum(-direction[:, 2], LEAST_DESCENT)
+    end = (np.maximum(surface[:, 2] - lowest, 0.0) + BELOW_LOWEST) / descent
     origin, along = in_camera(planned, surface), along_in_camera(planned, direction)
-    end = np.full(len(surface), FARTHEST)
-    ray = texture_ray(origin, along, planned.projection, end, size)
-    return trace(depth, ray, size, search, HIDDEN_LAND)
+    ray = texture_ray(origin, along, planned.projection, end, len(depth))
+    return trace(depth, ray, len(depth), search, HIDDEN_BOTTOM)
 
 
 def color_and_known(found: Trace, lookup: Lookup, fade: float) -> tuple[np.ndarray, np.ndarray]:
@@ -233,7 +263,7 @@ def traced_reflection(
     textures: TracedTextures,
 ) -> np.ndarray:
     """(n, 3) radiance that comes along the mirrored ray."""
-    found = trace_reflection(surface, direction, body, search, textures.reflection_depth)
+    found = trace_upwards(surface, direction, body.reflection, search, textures.reflection_depth)
     lookups = textures.lookups
     color, known = color_and_known(found, lookups.reflection_color, lookups.fade)
     sky = lookups.sky_radiance(direction)

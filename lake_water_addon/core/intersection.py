@@ -43,7 +43,10 @@ def intersect(
     projection: np.ndarray,
     steps: int,
 ) -> Intersection:
-    """n steps of the algorithm (MODEL section 1) for rays U + t R.
+    """n steps of the algorithm (MODEL section 1) for rays U + t R: the best of U, W1 ... Wn.
+
+    A step leads from one place to the next: one is that of the paper, W1 = U + |A1 - U| R. The last place is
+    looked at, too, as it is for the thesis's photons, which is one lookup more than its loop has.
 
     surface: U (n, 3); direction: unit R (n, 3); depth(uv): distance of the bottom along the
     viewing axis (positive, = -z), for uv (n, 2), the texture's border repeated outside;
@@ -53,14 +56,15 @@ def intersect(
     w = a = surface
     hit, bottom = surface.copy(), surface.copy()
     error = np.full(len(surface), np.inf)
-    for step in range(steps):
+    for step in range(steps + 1):
         a_next = bottom_through(w, -depth(to_texture(projection, w)), orthographic)
         gap = np.linalg.norm(a_next - w, axis=1)
         better = gap < error
         hit = np.where(better[:, None], w, hit)
         bottom = np.where(better[:, None], a_next, bottom)
         error = np.where(better, gap, error)
-
+        if step == steps:
+            break
         q = a_next - a
         rq = np.cross(direction, q)
         rq2 = np.sum(rq * rq, axis=1)

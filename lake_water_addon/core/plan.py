@@ -141,12 +141,14 @@ class UnderWater:
     """What a picture needs that begins, in all or some of its pixels, in this body of water.
 
     refraction: what is above, from the main camera; reflection: what is in the water, from the mirrored
-    one. mirrored_plane: the reflection's near plane, for its fog. heights: the map that tells on which
-    side each pixel begins, None where all begin under water.
+    one. steps: most along a ray that is followed from the surface through their depth; 0 where they are
+    looked up at RAY_LENGTH. mirrored_plane: the reflection's near plane, for its fog. heights: the map that
+    tells on which side each pixel begins, None where all begin under water.
     """
 
     refraction: TexturePass
     reflection: TexturePass
+    steps: int
     mirrored_plane: NearPlane
     heights: HeightMap | None
 
@@ -206,6 +208,11 @@ class FramePlan:
     def reflection_depth(self) -> bool:
         """Whether the reflection texture has distances, too."""
         return self.technique.reflection_depth or _follows_reflections(self.technique, self.settings)
+
+    @property
+    def follows_refractions(self) -> bool:
+        """Whether refracted rays are followed by choice, in place of the search."""
+        return _follows_refractions(self.technique, self.settings)
 
     @property
     def immersed(self) -> int | None:
@@ -315,6 +322,18 @@ def _follows_reflections(technique: Technique, settings: FrameSettings) -> bool:
     return "reflection_steps" in technique.reads and settings.reflection_steps > 0
 
 
+def _follows_refractions(technique: Technique, settings: FrameSettings) -> bool:
+    """Whether refracted rays are followed by choice, which takes the place of the search."""
+    return "refraction_steps" in technique.reads and settings.refraction_steps > 0
+
+
+def _steps_from_below(body: WaterBody, technique: Technique, settings: FrameSettings) -> int:
+    """Most along a ray from the surface seen from below: as many as along one that is followed from above."""
+    if technique.reflection_depth:
+        return body.settings.of(technique.settings).march_steps
+    return settings.reflection_steps if _follows_reflections(technique, settings) else 0
+
+
 def _spectrum(body: WaterBody, sun: Sun | None, technique: Technique) -> Spectrum:
     settings = body.settings
     if not technique.spectral:
@@ -380,10 +399,12 @@ def _plan_body(
     from_above = visible and side.from_above
     seen = reason if from_above or not visible else side.reason
     wide = cameras.widen(whole.projection, settings.fov_ext)
-    refraction_view = whole.view
-    if technique.refraction is RefractionMap.TURNED:
+    refraction_view, seen_as = whole.view, technique.refraction
+    if _follows_refractions(technique, settings):
+        seen_as = RefractionMap.APPARENT
+    if seen_as is RefractionMap.TURNED:
         refraction_view = cameras.refraction_view(whole.view, whole.projection, level, n12)
-    elif technique.refraction is RefractionMap.APPARENT:
+    elif seen_as is RefractionMap.APPARENT:
         scale = _apparent_depth(steady, _rectangle(body, snapshot, at, 0.0), n12)
         refraction_view = cameras.flattened_view(whole.view, level, scale)
     refraction_keep = 0 if technique.refraction is RefractionMap.WHOLE else +1
@@ -419,8 +440,9 @@ def _plan_body(
     )
     under = None
     if side.from_below:
+        steps = _steps_from_below(body, technique, settings)
         under = _plan_under_water(
-            body, snapshot, at, highest, whole, drawn, wide, side, visible, corners, reason
+            body, snapshot, at, highest, steady, whole, drawn, wide, side, visible, corners, reason, steps
         )
     light = None
     is_lit = snapshot.sun is not None and snapshot.sun.direction[2] >= LEAST_SUN
@@ -448,6 +470,7 @@ def _plan_under_water(
     snapshot: SceneSnapshot,
     at: np.ndarray,
     highest: float,
+    steady: Camera,
     whole: Camera,
     drawn: Camera,
     wide: np.ndarray,
@@ -455,25 +478,32 @@ def _plan_under_water(
     visible: bool,
     corners: np.ndarray | None,
     reason: str,
+    steps: int,
 ) -> UnderWater:
     """The passes of a picture that begins in this body; the surface needs its textures when it is seen.
 
-    corners: of the part that is seen, as `_seen_surface` has them.
+    corners: of the part that is seen, as `_seen_surface` has them. steps: as `UnderWater` has them. Where
+    rays are followed, what is above is drawn as high as it appears: the camera below sees land from beneath,
+    where it has no faces, and what appears higher is seen more from above.
     """
     level = float(at[2])
     mirrored = cameras.mirrored_view(whole.view, level)
     longest = RAY_LENGTH * np.hypot(body.settings.ior, body.settings.ior - 1.0)  # of R1, seen edge on
     reach = np.array(list(product((-longest, longest), repeat=3)))
+    above = whole.view
+    if steps:
+        scale = _apparent_height(steady, _rectangle(body, snapshot, at, 0.0), body.settings.ior)
+        above = cameras.flattened_view(whole.view, level, scale)
     refraction = TexturePass(
         "refraction from below",
-        whole.view,
+        above,
         wide,
         keep=-1,
         clip_height=level - highest,
         clear_height=level + highest,
         drawn=visible,
         reason=f"what is seen through the surface from below: {reason}",
-        region=_region_around(corners, wide @ whole.view, reach),
+        region=WHOLE if steps else _region_around(corners, wide @ above, reach),
     )
     reflection = TexturePass(
         "reflection from below",
@@ -484,13 +514,13 @@ def _plan_under_water(
         clear_height=level - highest,
         drawn=visible,
         reason=f"what the surface mirrors from below: {reason}",
-        region=_region_around(corners, wide @ mirrored, reach),
+        region=WHOLE if steps else _region_around(corners, wide @ mirrored, reach),
     )
     heights = None
     if side.side is Side.SPLIT:
         begin = near_plane(drawn.view, drawn.projection)
         heights = height_map(begin, *surface_band(body, snapshot.meshes.get(body.mesh), at))
-    return UnderWater(refraction, reflection, near_plane(mirrored, wide), heights)
+    return UnderWater(refraction, reflection, steps, near_plane(mirrored, wide), heights)
 
 
 def _plan_light(
@@ -704,25 +734,37 @@ def _reflection_region(
     return _region_around(corners, to_texture_clip, reach)
 
 
-def _apparent_depth(camera: Camera, rectangle: np.ndarray, n12: float) -> float:
-    """The mean apparent depth of the water that the picture shows in a rectangle (4, 3); n12 where none."""
+def _seen_cosines(camera: Camera, rectangle: np.ndarray) -> np.ndarray:
+    """(n,) cosines of the angles at which lines of sight, even in the picture, meet a level rectangle."""
     line = np.linspace(-1.0, 1.0, SIGHTS)
     ndc = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     ends = np.array([(x, y, z, 1.0) for z in (-1.0, 0.5) for x, y in ndc])
     ends = ends @ np.linalg.inv(camera.projection @ camera.view).T
     near, beyond = np.split(ends[:, :3] / ends[:, 3:], 2)
     sight = beyond - near
-    cosine = -sight[:, 2] / np.linalg.norm(sight, axis=1)
+    cosine = np.abs(sight[:, 2]) / np.linalg.norm(sight, axis=1)
     reaches = cosine > LEAST_DIP
-    along = (near[:, 2] - rectangle[0, 2]) / np.where(reaches, -sight[:, 2], 1.0)
+    along = (rectangle[0, 2] - near[:, 2]) / np.where(reaches, sight[:, 2], 1.0)
     hit = (near + along[:, None] * sight)[:, None, :2]
     edge = np.roll(rectangle, -1, axis=0)[:, :2] - rectangle[:, :2]
     offset = hit - rectangle[:, :2]
     within = edge[:, 0] * offset[..., 1] - edge[:, 1] * offset[..., 0]
     seen = reaches & (along > 0.0) & (np.all(within >= 0.0, axis=1) | np.all(within <= 0.0, axis=1))
-    if not seen.any():
-        return n12
-    return float(cameras.apparent_depth(cosine[seen], n12).mean())
+    return cosine[seen]
+
+
+def _apparent_depth(camera: Camera, rectangle: np.ndarray, n12: float) -> float:
+    """The mean apparent depth of the water that the picture shows in a rectangle (4, 3); n12 where none."""
+    cosine = _seen_cosines(camera, rectangle)
+    return float(cameras.apparent_depth(cosine, n12).mean()) if len(cosine) else n12
+
+
+def _apparent_height(camera: Camera, rectangle: np.ndarray, ior: float) -> float:
+    """The mean (harmonic, as it has no bound) apparent height of what a picture from below shows through a
+    rectangle (4, 3); ior where all is reflected."""
+    cosine = _seen_cosines(camera, rectangle)
+    cosine = cosine[cosine**2 > 1.0 - 1.0 / ior**2]
+    return float(1.0 / np.mean(1.0 / cameras.apparent_depth(cosine, ior))) if len(cosine) else ior
 
 
 def _refraction_region(

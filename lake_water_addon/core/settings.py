@@ -21,8 +21,10 @@ class FrameSettings:
     """Settings of a picture, under the names that they have on `scene.lake_water`.
 
     texture_size, caustics_size, photon_size, light_depth_size: texels a side. least_grid_resolution: vertices
-    along each side of a water's grid, where its own has fewer. reflection_steps: most along a reflected ray;
-    0 looks up a fixed distance c away. caustics_method: a key of CAUSTICS_METHODS.
+    along each side of a water's grid, where its own has fewer. intersection_steps: of
+    the search for the bottom; refraction_steps: most along a refracted ray that is followed in its place,
+    when more than 0. reflection_steps: most along a reflected ray; 0 looks up a fixed distance c away, from
+    below RAY_LENGTH. caustics_method: a key of CAUSTICS_METHODS.
     """
 
     technique: str = DEFAULT_TECHNIQUE
@@ -30,6 +32,7 @@ class FrameSettings:
     texture_size: int = 512
     least_grid_resolution: int = 2
     intersection_steps: int = 3
+    refraction_steps: int = 0
     reflection_steps: int = 0
     use_exact_fresnel: bool = False
     use_caustics: bool = True

@@ -19,29 +19,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import optics
-from .air_lookup import in_camera
-from .depth_trace import (
-    Trace,
-    TracedTextures,
-    along_in_camera,
-    color_and_known,
-    mirrored_radiance,
-    texture_ray,
-    trace,
-)
+from .depth_trace import TracedTextures, color_and_known, mirrored_radiance, trace_downwards
 from .technique_settings import LENGTH, TechniqueSettings, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques, this one among them
     from .plan import BodyPlan
-
-LEAST_DESCENT = 0.05
-"""Least -z of a refracted direction; refraction at the steepest wave leaves more."""
-
-BELOW_LOWEST = 0.1
-"""m below the lowest thing in the water where a refracted ray ends."""
-
-HIDDEN_BOTTOM = 1.0
-"""As `depth_trace.HIDDEN_LAND`: there is always a bottom."""
 
 COASTAL_3 = (0.46, 0.19, 0.39)
 """1/m at 650, 550 and 450 nm: Jerlov's coastal water of type 3 (Marine Optics, 1976, table XXVII)."""
@@ -100,22 +82,6 @@ class TracedSettings(TechniqueSettings):
     )
 
 
-def trace_refraction(
-    surface: np.ndarray,
-    direction: np.ndarray,
-    body: BodyPlan,
-    settings: TracedSettings,
-    depth: np.ndarray,
-) -> Trace:
-    """What refracted rays (n, 3) from surface points (n, 3) meet in the refraction's depth texture."""
-    descent = np.maximum(-direction[:, 2], LEAST_DESCENT)
-    end = (np.maximum(surface[:, 2] - body.lowest, 0.0) + BELOW_LOWEST) / descent
-    planned, size = body.refraction, len(depth)
-    origin, along = in_camera(planned, surface), along_in_camera(planned, direction)
-    ray = texture_ray(origin, along, planned.projection, end, size)
-    return trace(depth, ray, size, settings, HIDDEN_BOTTOM)
-
-
 def traced_refraction(
     surface: np.ndarray,
     direction: np.ndarray,
@@ -124,7 +90,8 @@ def traced_refraction(
     textures: TracedTextures,
 ) -> np.ndarray:
     """(n, 3) radiance that comes along the refracted ray, before it passes the surface."""
-    found = trace_refraction(surface, direction, body, settings, textures.refraction_depth)
+    planned, depth = body.refraction, textures.refraction_depth
+    found = trace_downwards(surface, direction, planned, body.lowest, settings, depth)
     lookups = textures.lookups
     color, known = color_and_known(found, lookups.refraction_color, lookups.fade)
     water = np.array(body.body.settings.water_color)

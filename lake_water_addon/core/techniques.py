@@ -62,7 +62,7 @@ TECHNIQUES: dict[str, Technique] = {
         "Refraction camera turned into the water, several steps of the intersection search, Schlick's "
         "Fresnel term (Mihálik 2008). Draws the scene three times a frame: as seen, refracted and reflected",
         RefractionMap.TURNED,
-        _LAKE | {"intersection_steps", "reflection_steps", "use_exact_fresnel"},
+        _LAKE | {"intersection_steps", "refraction_steps", "reflection_steps", "use_exact_fresnel"},
     ),
     "SIMPLE_LAKE": Technique(
         "Simple Lake",

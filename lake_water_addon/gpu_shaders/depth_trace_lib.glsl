@@ -1,9 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// A ray followed through a depth texture. Twin: core/depth_trace.py, which explains it.
-// The includer defines: MARCH_STEPS, most steps along a ray; BISECTION_STEPS; THICKNESS, m.
+// Rays followed through depth textures. Twin: core/depth_trace.py, which explains it.
+// The includer defines: BISECTION_STEPS; THICKNESS, m.
+
+#include "lookup_lib.glsl"
 
 #define DEPTH_JUMP 16.0
 #define CLOSES_IN 0.7
+#define FARTHEST 5e4
+#define HIDDEN_LAND 0.4
+#define HIDDEN_BOTTOM 1.0
+#define LEAST_DESCENT 0.05
+#define BELOW_LOWEST 0.1
 
 // A ray in the space of a texture's camera, and the straight line that it is in the texture.
 struct TextureRay {
@@ -84,9 +91,9 @@ float behind(sampler2D map, TextureRay ray, float part)
 }
 
 // hidden: how far behind what hides it a ray may meet something, as a part of its own depth.
-Trace trace(sampler2D map, TextureRay ray, float size, float hidden)
+Trace trace(sampler2D map, TextureRay ray, float size, float hidden, int most_steps)
 {
-  int steps = int(clamp(ceil(distance(ray.from, ray.to) * size), 1.0, float(MARCH_STEPS)));
+  int steps = int(clamp(ceil(distance(ray.from, ray.to) * size), 1.0, float(most_steps)));
   float before = min(behind(map, ray, 0.0), 0.0);
   float least = 1e30;
   float found = 1.0;
@@ -136,4 +143,39 @@ Trace trace(sampler2D map, TextureRay ray, float size, float hidden)
     }
   }
   return Trace(ray.to, ray.end, 0.0);
+}
+
+// A ray from the surface to what is above the water.
+Trace trace_upwards(sampler2D depths, mat4 view, mat4 projection, vec3 surface, vec3 direction, int most_steps)
+{
+  vec3 origin = transform_point(view, surface);
+  vec3 along = transform_direction(view, direction);
+  float size = water.fresnel.w;
+  TextureRay ray = texture_ray(origin, along, projection, FARTHEST, size);
+  return trace(depths, ray, size, HIDDEN_LAND, most_steps);
+}
+
+// A ray from the surface to what is in the water.
+Trace trace_downwards(sampler2D depths, mat4 view, mat4 projection, vec3 surface, vec3 direction, int most_steps)
+{
+  float end = (max(surface.z - water.grid_axis.z, 0.0) + BELOW_LOWEST) / max(-direction.z, LEAST_DESCENT);
+  vec3 origin = transform_point(view, surface);
+  vec3 along = transform_direction(view, direction);
+  float size = water.fresnel.w;
+  TextureRay ray = texture_ray(origin, along, projection, end, size);
+  return trace(depths, ray, size, HIDDEN_BOTTOM, most_steps);
+}
+
+// rgb: radiance of what a ray met, of a premultiplied texture; a: how far it is known.
+vec4 color_and_known(sampler2D colors, Trace found)
+{
+  vec4 texel = texture(colors, found.uv);
+  float known = found.known * clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(found.uv);
+  return vec4(texel.rgb / max(texel.a, 1e-4), known);
+}
+
+// What the hits pass is told of it.
+vec4 hit_of(Trace found, float known, vec3 surface, vec3 direction)
+{
+  return vec4(surface + found.way * direction, 1.0) * step(0.5, known);
 }

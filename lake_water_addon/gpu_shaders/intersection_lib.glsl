@@ -17,17 +17,21 @@ vec3 bottom_through(vec3 point, float z, bool orthographic)
   return orthographic ? vec3(point.xy, z) : point * (z / min(point.z, -1e-6));
 }
 
+// Each step leads to one more place, and the last one is looked at, too.
 Intersection intersect(vec3 surface, vec3 direction, mat4 projection, int steps)
 {
   bool orthographic = is_orthographic(projection);
   Intersection best = Intersection(surface, surface, 1e30);
   vec3 w = surface;
   vec3 a = surface;
-  for (int i = 0; i < steps; i++) {
+  for (int i = 0; i <= steps; i++) {
     vec3 a_next = bottom_through(w, -bottom_depth(to_texture(projection, w)), orthographic);
     float gap = distance(a_next, w);
     if (gap < best.error) {
       best = Intersection(w, a_next, gap);
+    }
+    if (i == steps) {
+      break;
     }
     vec3 q = a_next - a;
     vec3 rq = cross(direction, q);

@@ -143,7 +143,7 @@ Photon photon(WaterPoint point, mat2 mesh_turn, vec2 launch)
   vec3 at = transform_point(water_light.view, point.position);
   vec3 direction = transform_direction(water_light.view, refract_direction(-to_sun, normal, water.optics.w));
 
-  Intersection found = intersect(at, direction, water_light.projection, int(water_light.caustics.z) + 1);
+  Intersection found = intersect(at, direction, water_light.projection, int(water_light.caustics.z));
   float way = dot(found.hit - at, direction);
   vec2 scale = 0.5 * vec2(water_light.projection[0][0], water_light.projection[1][1]);
   float height = point.position.z - water.plane.z;

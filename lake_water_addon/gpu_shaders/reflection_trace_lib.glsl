@@ -1,35 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// The reflected ray, followed through the depth of the reflection texture. Twin: core/depth_trace.py.
+// What the surface mirrors, seen from the air, along rays that are followed. Twin: core/depth_trace.py.
+// The includer defines REFLECTION_STEPS, most steps along a ray, and what depth_trace_lib.glsl asks for.
 
-#include "lookup_lib.glsl"
 #include "depth_trace_lib.glsl"
-
-#define FARTHEST 5e4
-#define HIDDEN_LAND 0.4
-
-Trace trace_reflection(vec3 surface, vec3 direction)
-{
-  vec3 origin = transform_point(water.reflection_view, surface);
-  vec3 along = transform_direction(water.reflection_view, direction);
-  float size = water.fresnel.w;
-  TextureRay ray = texture_ray(origin, along, water.reflection_projection, FARTHEST, size);
-  return trace(reflection_depth, ray, size, HIDDEN_LAND);
-}
 
 vec3 traced_reflection(vec3 surface, vec3 direction)
 {
-  Trace found = trace_reflection(surface, direction);
-  vec4 texel = texture(reflection_color, found.uv);
-  float known = found.known * clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(found.uv);
+  Trace found = trace_upwards(
+      reflection_depth, water.reflection_view, water.reflection_projection, surface, direction, REFLECTION_STEPS);
+  vec4 color = color_and_known(reflection_color, found);
 #ifdef HITS
-  reflected_hit = vec4(surface + found.way * direction, 1.0) * step(0.5, known);
+  reflected_hit = hit_of(found, color.a, surface, direction);
 #endif
-  vec3 color = texel.rgb / max(texel.a, 1e-4);
-  return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
+  return color.a < 1.0 ? mix(sky_radiance(direction), color.rgb, color.a) : color.rgb;
 }
 
-// What the surface mirrors. A ray that a wave sends downwards meets another wave, which mirrors its part of what is
-// above; for what comes out of the water there, what does here is taken.
+// A ray that a wave sends downwards meets another wave, which mirrors its part of what is above; for what comes
+// out of the water there, what does here is taken.
 vec3 mirrored_radiance(vec3 surface, vec3 incident, vec3 normal, vec3 refracted)
 {
   vec3 reflected = traced_reflection(surface, reflect_upwards(incident, normal));

@@ -29,10 +29,10 @@ struct View {
 struct Water {
   vec4 plane;   // xyz: origin of the water frame; w: number of waves
   vec4 optics;  // k, q, c, n12
-  vec4 fresnel; // f, intersection steps, fade at the texture's border, size of the textures
+  vec4 fresnel; // f, steps along a refracted ray, fade at the texture's border, size of the textures
   vec4 color;   // rgb; w: mean slope of the waves that a ray meets which skims them
   vec4 grid;      // of the grid, or the box around the mesh: half extents x, y; centre x, y; in the water frame
-  vec4 grid_axis; // cos, sin of the heading; z: height of the lowest thing in the water; w: reflection steps
+  vec4 grid_axis; // cos, sin of the heading; z: height of the lowest thing in the water; w: steps along a reflected ray, from below along any
   mat4 refraction_view;
   mat4 refraction_projection;
   mat4 reflection_view;

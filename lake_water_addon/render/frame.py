@@ -234,11 +234,12 @@ class FrameRenderer:
                 self._fog.draw_heights(self._water, body, plan.origin, target, view, water)
         if not under.refraction.drawn:
             return
-        target = textures.refraction_from_below_target(self.targets, i, size)
+        linear_depth = under.steps > 0
+        target = textures.refraction_from_below_target(self.targets, i, size, linear_depth=linear_depth)
         view = self._block("refraction from below", i).update(*uniforms.texture_view(under.refraction, plan))
         with timer.measure("refraction", target.framebuffer):
             textures.draw_reflection(self._geometry, under.refraction, target, in_air, view, water)
-        target = textures.reflection_from_below_target(self.targets, i, size)
+        target = textures.reflection_from_below_target(self.targets, i, size, linear_depth=linear_depth)
         view = self._block("reflection from below", i).update(*uniforms.texture_view(under.reflection, plan))
         plane = self._block("mirrored near plane", i).update(*uniforms.near_plane(under.mirrored_plane))
         with timer.measure("reflection", target.framebuffer):
@@ -246,7 +247,7 @@ class FrameRenderer:
                 self._geometry, under.reflection, target, in_water, view, water
             )
             with (
-                self.targets.colors_only(target).bind(),
+                self.targets.color_only(target).bind(),
                 textures.drawn_region(under.reflection.region, target.size),
             ):
                 self._fog.draw_fog(NearSide(plane, None), water, target.depth)
@@ -337,8 +338,10 @@ class FrameRenderer:
         body, size = plan.bodies[i], plan.settings.texture_size
         if look.from_below:
             water = self._block("water from below", i).update(*uniforms.water(plan, body, from_below=True))
-            refraction = textures.refraction_from_below_target(self.targets, i, size)
-            reflection = textures.reflection_from_below_target(self.targets, i, size)
+            follows = body.under.steps > 0
+            refraction = textures.refraction_from_below_target(self.targets, i, size, linear_depth=follows)
+            reflection = textures.reflection_from_below_target(self.targets, i, size, linear_depth=follows)
+            look = replace(look, follows_reflections=follows)
         else:
             water = self._water_of(plan, i)
             refraction = textures.refraction_target(self.targets, i, size)
@@ -352,10 +355,10 @@ class FrameRenderer:
                     maps=self._maps.of(own, images),
                 )
         if look.hit_number:
-            if look.from_below:
+            if look.from_below and not look.follows_reflections:
                 refraction = hits.texture_target(self.targets, "refraction from below", i, size)
                 reflection = hits.texture_target(self.targets, "reflection from below", i, size)
-            elif not plan.reflection_depth:
+            elif not look.from_below and not plan.reflection_depth:
                 reflection = hits.texture_target(self.targets, "reflection", i, size)
         self._water.draw(look, body, plan.origin, lights, view, water, refraction, reflection)
 
@@ -380,7 +383,7 @@ class FrameRenderer:
                     )
                 if not transparent and _sees_sky(plan):
                     self._geometry.draw_sky(in_air.lights, view)
-            over = self.targets.colors_only(target) if in_water is not None else None
+            over = self.targets.color_only(target) if in_water is not None else None
             self.draw_water(plan, timer, target.framebuffer, target.depth, over)
         if plan.glow.drawn:
             with timer.measure("glow", target.framebuffer):
@@ -415,7 +418,7 @@ class FrameRenderer:
             passes = []
             if body.refraction.drawn and not plan.reflection_depth:
                 passes.append(("reflection", body.reflection, textures.draw_reflection))
-            if body.under is not None and body.under.refraction.drawn:
+            if body.under is not None and body.under.refraction.drawn and not body.under.steps:
                 passes += [
                     ("refraction from below", body.under.refraction, textures.draw_reflection),
                     ("reflection from below", body.under.reflection, textures.draw_reflection_from_below),
@@ -445,7 +448,12 @@ class FrameRenderer:
 def _look_from_air(plan: FramePlan) -> SurfaceLook:
     """The look of a body's surface but for what belongs to the body."""
     exact = plan.settings.use_exact_fresnel and "use_exact_fresnel" in plan.technique.reads
-    return SurfaceLook(plan.settings.technique, exact_fresnel=exact, reflection_depth=plan.reflection_depth)
+    return SurfaceLook(
+        plan.settings.technique,
+        exact_fresnel=exact,
+        follows_refractions=plan.follows_refractions,
+        follows_reflections=plan.reflection_depth,
+    )
 
 
 def _sees_sky(plan: FramePlan) -> bool:

@@ -39,7 +39,7 @@ class Targets:
         self._resources = resources
         self._targets: dict[Hashable, tuple[tuple, Target]] = {}
         self._spare: dict[Hashable, OrderedDict[tuple, Target]] = {}
-        self._colors_only: WeakKeyDictionary[Target, GPUFrameBuffer] = WeakKeyDictionary()
+        self._color_only: WeakKeyDictionary[Target, GPUFrameBuffer] = WeakKeyDictionary()
 
     def get(
         self,
@@ -93,11 +93,11 @@ class Targets:
         self.spares = 0
         self._spare.clear()
 
-    def colors_only(self, target: Target) -> GPUFrameBuffer:
-        """A framebuffer of the target's colours without its depth, which can then be read while drawing."""
-        if target not in self._colors_only:
-            self._colors_only[target] = self._resources.framebuffer(target.colors)
-        return self._colors_only[target]
+    def color_only(self, target: Target) -> GPUFrameBuffer:
+        """A framebuffer of the target's first colour alone, so that its depth can be read while drawing."""
+        if target not in self._color_only:
+            self._color_only[target] = self._resources.framebuffer(target.colors[:1])
+        return self._color_only[target]
 
     def discard(self, key: Hashable) -> None:
         """Free a target; one that was never made is no error."""

@@ -104,17 +104,23 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
     settings, frame = body.body.settings, plan.settings
     looked_up = body.under if from_below else body
     n12 = 1.0 / settings.ior
+    reflection_steps = body.under.steps if from_below else frame.reflection_steps
     packed = np.zeros((MAX_WAVES, 4))
     packed[: len(body.packed_waves)] = body.packed_waves
     return [
         _vec4(body.origin, len(body.packed_waves)),
         np.array([settings.k, settings.q, settings.c, n12]),
         np.array(
-            [optics.reflectance_at_normal(n12), frame.intersection_steps, BORDER_FADE, frame.texture_size]
+            [
+                optics.reflectance_at_normal(n12),
+                frame.refraction_steps or frame.intersection_steps,
+                BORDER_FADE,
+                frame.texture_size,
+            ]
         ),
         _vec4(np.array(settings.water_color), waves.met_slope(body.packed_waves)),
         np.array(body.extent),
-        np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, frame.reflection_steps]),
+        np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, reflection_steps]),
         looked_up.refraction.view.T,
         looked_up.refraction.projection.T,
         looked_up.reflection.view.T,

@@ -31,7 +31,7 @@ LOOK = {
 }
 QUALITY = {
     *("fov_ext", "texture_size", "least_grid_resolution"),
-    *("intersection_steps", "reflection_steps", "use_exact_fresnel"),
+    *("intersection_steps", "refraction_steps", "reflection_steps", "use_exact_fresnel"),
     *("caustics_size", "photon_size", "caustics_steps", "light_depth_size"),
 }
 

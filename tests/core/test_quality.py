@@ -38,7 +38,7 @@ def test_a_quality_is_known_again(name, longer_side):
     sizes = [quality_settings(key, longer_side)["texture_size"] for key in QUALITIES]
     assert sizes == sorted(sizes)
     assert quality_of(settings, longer_side) == name
-    settings.intersection_steps += 1
+    settings.refraction_steps += 1
     assert quality_of(settings, longer_side) == CUSTOM
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from lake_water_addon.core import cameras, optics
+from lake_water_addon.core import cameras, depth_trace, optics
 from lake_water_addon.core import technique_traced as traced
 from tests.core.test_intersection import looking_down, projection_of
 
@@ -51,7 +51,7 @@ def refracted_rays(view, projection, count=500, seed=1):
 
 def texture_rays(view, projection, surface, direction, end):
     origin = surface @ view[:3, :3].T + view[:3, 3]
-    return traced.texture_ray(origin, direction @ view[:3, :3].T, projection, end, SIZE)
+    return depth_trace.texture_ray(origin, direction @ view[:3, :3].T, projection, end, SIZE)
 
 
 @every_kind
@@ -61,7 +61,7 @@ def test_level_bottom_is_found(kind, scale):
     projection, view = projection_of(kind), cameras.flattened_view(looking_down(6.0, 0.9), 0.0, scale)
     surface, direction = refracted_rays(looking_down(6.0, 0.9), projection)
     ray = texture_rays(view, projection, surface, direction, 4.0 / -direction[:, 2])
-    found = traced.trace(depth_of_plane(view, projection, -3.0), ray, SIZE, SETTINGS, 1.0)
+    found = depth_trace.trace(depth_of_plane(view, projection, -3.0), ray, SIZE, SETTINGS, 1.0)
     way = 3.0 / -direction[:, 2]
     inside = ray.end > way
     assert inside.mean() > 0.9
@@ -77,7 +77,7 @@ def test_no_bottom_is_nothing(kind):
     projection, view = projection_of(kind), looking_down(6.0, 0.9)
     surface, direction = refracted_rays(view, projection)
     ray = texture_rays(view, projection, surface, direction, np.full(len(surface), 10.0))
-    found = traced.trace(np.full((SIZE, SIZE), 1e5), ray, SIZE, SETTINGS, 1.0)
+    found = depth_trace.trace(np.full((SIZE, SIZE), 1e5), ray, SIZE, SETTINGS, 1.0)
     assert not found.known.any()
     np.testing.assert_allclose(found.way, ray.end)
 
@@ -109,7 +109,7 @@ class Post:
     def trace(self, start, direction, settings=SETTINGS, hidden=1.0, end=20.0):
         direction = np.array([direction]) / np.linalg.norm(direction)
         ray = texture_rays(self.view, self.projection, np.array([start]), direction, np.array([end]))
-        found = traced.trace(self.depth, ray, SIZE, settings, hidden)
+        found = depth_trace.trace(self.depth, ray, SIZE, settings, hidden)
         return (np.array([start]) + found.way[:, None] * direction)[0], found.known[0]
 
 
@@ -150,17 +150,22 @@ def test_what_was_met_while_hidden_is_where_the_ray_comes_out():
     assert known == 0.0
 
 
-def test_flattened_view_shows_a_refracted_ray_as_a_point():
-    """Of every ray with that angle of incidence, whatever its azimuth: U and all points below it are one."""
-    view, projection = looking_down(6.0, 0.9), projection_of("perspective")
-    angle = 1.0
+@pytest.mark.parametrize("n12", [1.0 / N, N], ids=["from the air", "from below"])
+def test_flattened_view_shows_a_refracted_ray_as_a_point(n12):
+    """Of every ray with that angle of incidence, whatever its azimuth: U and all points behind it are one."""
+    from_air = n12 < 1.0
+    view = looking_down(6.0, 0.9) if from_air else looking_down(-2.0, -0.9)
+    projection = projection_of("perspective")
+    angle = 1.0 if from_air else 0.7
     eye = cameras.eye_position(view)
+    up = cameras.UP if from_air else -cameras.UP  # towards the eye
     for azimuth in np.linspace(0.3, 2.8, 7):
         level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        sight = np.sin(angle) * level - [0.0, 0.0, np.cos(angle)]
-        surface = eye + sight * (6.0 / np.cos(angle))
-        bent, _ = optics.refract_direction(sight, cameras.UP, 1.0 / N)
-        scale = float(cameras.apparent_depth(np.cos(angle), 1.0 / N))
+        sight = np.sin(angle) * level - np.cos(angle) * up
+        surface = eye + sight * (abs(eye[2]) / np.cos(angle))
+        bent, exists = optics.refract_direction(sight, up, n12)
+        assert exists
+        scale = float(cameras.apparent_depth(np.cos(angle), n12))
         flat = cameras.flattened_view(view, 0.0, scale)
         points = surface + np.linspace(0.0, 5.0, 6)[:, None] * bent
         uv = cameras.to_texture(projection, points @ flat[:3, :3].T + flat[:3, 3])
@@ -171,6 +176,7 @@ def test_flattened_view_shows_a_refracted_ray_as_a_point():
 
 def test_apparent_depth_straight_down_is_one_over_n():
     assert cameras.apparent_depth(1.0, 1.0 / N) == pytest.approx(1.0 / N, rel=1e-12)
+    assert cameras.apparent_depth(1.0, N) == pytest.approx(N, rel=1e-12)
     assert cameras.apparent_depth(0.5, 1.0) == pytest.approx(1.0, rel=1e-12)
 
 

@@ -16,8 +16,6 @@ from lake_water_addon.core import (
     depth_trace,
     intersection,
     optics,
-    technique_lake,
-    technique_traced,
     waves,
 )
 from lake_water_addon.core.technique_pond import PondSettings
@@ -155,11 +153,11 @@ def test_lake_tells_the_end_of_its_search(renderer, camera):
     assert np.median(off) < 1e-3
 
 
-def compare_with_trace(given, water, surface, direction, target, trace, body, own):
-    """The twin's trace on the depth that the GPU drew: whether there is anything, and W to 1 cm, or 1 % of
-    the way, in 97 of 100 pixels."""
+def compare_with_trace(given, water, surface, direction, target, trace):
+    """The twin's trace (points, directions, depth) on the depth that the GPU drew: whether there is anything,
+    and W to 1 cm, or 1 % of the way, in 97 of 100 pixels."""
     depth = read_texture(target.colors[1])[..., 0].astype(np.float64)
-    met = trace(surface, direction, body, own, depth)
+    met = trace(surface, direction, depth)
     want = surface + met.way[:, None] * direction
     known = given[water][:, 3] == 1.0
     assert np.mean(known == (met.known > 0.5)) > 0.97
@@ -170,30 +168,38 @@ def compare_with_trace(given, water, surface, direction, target, trace, body, ow
     assert np.mean(same) > 0.97, f"{np.mean(same):.3f}"
 
 
-def test_traced_tells_what_it_met(renderer):
+def tracers(body, search):
+    """The twin's traces of refracted and of reflected rays (points, directions, depth), from the air."""
+
+    def down(surface, direction, depth):
+        planned, lowest = body.refraction, body.lowest
+        return depth_trace.trace_downwards(surface, direction, planned, lowest, search, depth)
+
+    def up(surface, direction, depth):
+        return depth_trace.trace_upwards(surface, direction, body.reflection, search, depth)
+
+    return down, up
+
+
+FOLLOWING = {
+    "traced": ({"technique": "TRACED"}, TracedSettings()),
+    "lake": ({"refraction_steps": 48, "reflection_steps": 48}, depth_trace.FollowedRays(48)),
+}
+
+
+@pytest.mark.parametrize("following", FOLLOWING.values(), ids=FOLLOWING)
+def test_followed_rays_tell_what_they_met(renderer, following):
     from lake_water_addon.render.passes import textures
 
-    plan = pictures.planned(scenes.pond(), VIEW, technique="TRACED", texture_size=512)
+    settings, search = following
+    plan = pictures.planned(scenes.pond(), VIEW, texture_size=512, **settings)
     hits = renderer.draw_hits(plan, SIZE)
     surface, bent, mirrored, water = surface_rays(plan, hits)
-    of_body = plan.bodies[0], TracedSettings()
+    down, up = tracers(plan.bodies[0], search)
     target = textures.refraction_target(renderer.targets, 0, 512)
-    trace = technique_traced.trace_refraction
-    compare_with_trace(hits.refracted, water, surface, bent, target, trace, *of_body)
+    compare_with_trace(hits.refracted, water, surface, bent, target, down)
     target = textures.reflection_target(renderer.targets, 0, 512, linear_depth=True)
-    trace = depth_trace.trace_reflection
-    compare_with_trace(hits.reflected, water, surface, mirrored, target, trace, *of_body)
-
-
-def test_lake_tells_what_a_reflected_ray_met(renderer):
-    from lake_water_addon.render.passes import textures
-
-    plan = pictures.planned(scenes.pond(), VIEW, texture_size=512, reflection_steps=48)
-    hits = renderer.draw_hits(plan, SIZE)
-    surface, _, mirrored, water = surface_rays(plan, hits)
-    target = textures.reflection_target(renderer.targets, 0, 512, linear_depth=True)
-    trace, search = depth_trace.trace_reflection, technique_lake.ReflectionSearch(48)
-    compare_with_trace(hits.reflected, water, surface, mirrored, target, trace, plan.bodies[0], search)
+    compare_with_trace(hits.reflected, water, surface, mirrored, target, up)
 
 
 def test_from_below(renderer):

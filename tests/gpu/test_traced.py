@@ -86,10 +86,12 @@ def traced(renderer, plan, which, surface, direction):
     refraction = textures.refraction_target(renderer.targets, 0, size)
     reflection = textures.reflection_target(renderer.targets, 0, size, linear_depth=True)
     own = body.body.settings.of(TracedSettings)
+    way = {"refraction": "downwards", "reflection": "upwards"}[which]
+    camera = f"water.{which}_view, water.{which}_projection"
     found = evaluate(
         SOURCES,
         {"t": ("vec4", "vec4(t.uv, t.way, t.known)")},
-        statements=f"Trace t = trace_{which}(u, r);",
+        statements=f"Trace t = trace_{way}({which}_depth, {camera}, u, r, MARCH_STEPS);",
         uniform_buffers={
             "lights": ("Lights", block(uniforms.lights(plan))),
             "water": ("Water", block(uniforms.water(plan, body))),

@@ -825,14 +825,16 @@ def linear_filter(values):
     return lookup
 
 
-def lake_case(camera=None, reflection_steps=0, **settings):
-    """A plan, made-up textures (smooth colours, parts with none, an uneven bottom), and rays to look up."""
+def lake_case(camera=None, frame=None, **settings):
+    """A plan, made-up textures (smooth colours, parts with none, an uneven bottom), and rays to look up.
+
+    frame: settings of the picture.
+    """
     plan = planned(
         scenes.pond(**settings),
         camera or scenes.look_at((6, -9, 5), (0, 0, 0)),
-        intersection_steps=3,
-        reflection_steps=reflection_steps,
         texture_size=128,
+        **(frame or {}),
     )
     size = 128
     y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
@@ -869,6 +871,23 @@ def lake_case(camera=None, reflection_steps=0, **settings):
     to_eye = single((eye - surface) / np.linalg.norm(eye - surface, axis=1, keepdims=True))
     normal = single(optics.face_viewer(waves.normal(packed, xy), to_eye))
     return plan, textures, gpu_arguments, surface, normal, to_eye
+
+
+def made_up_land(size=128):
+    """(size, size) distances of hills, with a post before them and the sky."""
+    y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
+    land = 25.0 + 8.0 * np.sin(6 * x + 2) + 3.0 * y
+    land[80:, :] = 1e5  # the sky
+    land[30:70, 60:70] = 14.0
+    return single(land)
+
+
+def made_up_bottom(size=128):
+    """(size, size) distances of an uneven bottom with a post on it."""
+    y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
+    bottom = 12.0 - 5.0 * y + 0.5 * np.sin(9 * x) * np.cos(7 * y)
+    bottom[20:50, 40:44] -= 2.0
+    return single(bottom)
 
 
 def compare_radiance(got, want):
@@ -972,34 +991,45 @@ def test_twin_water_radiance(case):
     got = evaluate(
         results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **gpu_arguments
     )["c"]
-    compare_radiance(got, technique_lake.water_radiance(surface, normal, to_eye, plan.bodies[0], 3, textures))
+    looked_up = depth_trace.TracedTextures(textures, None, None)
+    (body,) = plan.bodies
+    want = technique_lake.water_radiance(surface, normal, to_eye, body, plan.settings, looked_up)
+    compare_radiance(got, want)
 
 
+FOLLOWED = {
+    "reflections": ({"reflection_steps": 20}, ["TRACE_REFLECTIONS"]),
+    "refractions": ({"refraction_steps": 24}, ["TRACE_REFRACTIONS"]),
+    "both": ({"refraction_steps": 24, "reflection_steps": 20}, ["TRACE_REFRACTIONS", "TRACE_REFLECTIONS"]),
+}
+
+
+@pytest.mark.parametrize("followed", FOLLOWED.values(), ids=FOLLOWED)
 @every_lake
-def test_twin_water_radiance_with_followed_reflections_and_exact_fresnel(case):
-    plan, textures, gpu_arguments, surface, normal, to_eye = lake_case(**case, reflection_steps=20)
-    size = 128
-    y, x = np.meshgrid(np.linspace(0, 1, size), np.linspace(0, 1, size), indexing="ij")
-    land = 25.0 + 8.0 * np.sin(6 * x + 2) + 3.0 * y
-    land[80:, :] = 1e5  # the sky
-    land[30:70, 60:70] = 14.0
-    land = single(land)
+def test_twin_water_radiance_with_followed_rays_and_exact_fresnel(case, followed):
+    frame, defines = followed
+    frame = {"use_exact_fresnel": True, **frame}
+    plan, textures, gpu_arguments, surface, normal, to_eye = lake_case(**case, frame=frame)
+    land, bottom = made_up_land(), made_up_bottom()
+    depths = {"reflection_depth": land} if "reflection_steps" in frame else {}
+    if "refraction_steps" in frame:
+        depths["refraction_depth"] = bottom
     arguments = gpu_arguments | {
-        "defines": {"TRACE_REFLECTIONS": "", "EXACT_FRESNEL": ""},
-        "samplers": gpu_arguments["samplers"] | {"reflection_depth": ("FLOAT_2D", data_texture(land))},
+        "defines": dict.fromkeys([*defines, "EXACT_FRESNEL"], ""),
+        "samplers": gpu_arguments["samplers"]
+        | {name: ("FLOAT_2D", data_texture(depth)) for name, depth in depths.items()},
     }
     got = evaluate(
         results={"c": ("vec3", "water_radiance(u, n, e)")}, u=surface, n=normal, e=to_eye, **arguments
     )["c"]
     (body,) = plan.bodies
-    want, offset = (
-        technique_lake.water_radiance(
-            surface, normal, to_eye, body, 3, textures, reflection_depth=land, **options, exact_fresnel=True
-        )
-        for options in ({"reflection_steps": 20}, {})
+    looked_up = depth_trace.TracedTextures(textures, bottom, land)
+    want, not_followed = (
+        technique_lake.water_radiance(surface, normal, to_eye, body, settings, looked_up)
+        for settings in (plan.settings, replace(plan.settings, refraction_steps=0, reflection_steps=0))
     )
     compare_radiance(got, want)
-    assert np.mean(np.abs(want - offset) > 1e-3) > 0.01
+    assert np.mean(np.abs(want - not_followed) > 1e-3) > 0.01
 
 
 # technique_simple_lake_lib.glsl, screen_lookup_lib.glsl, technique_pond_lib.glsl, technique_ripple_lib.glsl,
@@ -1423,10 +1453,14 @@ def test_twin_pond_water_radiance(case):
 # technique_lake_under_lib.glsl
 
 
-def under_case(exact=False, camera=None, **settings):
+STEPS_FROM_BELOW = 20
+
+
+def under_case(exact=False, camera=None, follows=False, **settings):
     """Made-up textures as in `lake_case`, and the surface of the pond seen from below."""
     camera = camera or scenes.look_at((2, -3, -2), (0, 1, 0.5))
-    plan = planned(scenes.pond(**settings), camera)
+    frame = {"reflection_steps": STEPS_FROM_BELOW} if follows else {}
+    plan = planned(scenes.pond(**settings), camera, texture_size=128, **frame)
     _, from_air, arguments, surface, *_ = lake_case(camera, **settings)
     (body,) = plan.bodies
     level = float(body.origin[2])
@@ -1434,6 +1468,7 @@ def under_case(exact=False, camera=None, **settings):
     mirrored = cameras.mirrored_view(plan.camera.view, level)
     refraction = replace(body.refraction, view=plan.camera.view, projection=wide)
     reflection = replace(body.reflection, view=mirrored, projection=wide)
+    land, bottom = made_up_land(), made_up_bottom()
     textures = technique_lake_under.UnderTextures(
         from_air.refraction_color,
         from_air.reflection_color,
@@ -1441,7 +1476,10 @@ def under_case(exact=False, camera=None, **settings):
         refraction,
         reflection,
         from_air.fade,
+        land,
+        bottom,
     )
+    follow = technique_lake_under.Follow(depth_trace.FollowedRays(STEPS_FROM_BELOW), body.lowest)
     from_below = replace(plan, bodies=(replace(body, refraction=refraction, reflection=reflection),))
     arguments = dict(arguments)
     arguments["sources"] = (*WATER_SOURCES[:-1], "technique_lake_under_lib.glsl")
@@ -1449,13 +1487,17 @@ def under_case(exact=False, camera=None, **settings):
         **arguments["uniform_buffers"],
         "water": ("Water", water_block(from_below)),
     }
-    arguments["samplers"] = {k: v for k, v in arguments["samplers"].items() if k != "refraction_depth"}
-    arguments["defines"] = {"EXACT": ""} if exact else {}
+    samplers = {k: v for k, v in arguments["samplers"].items() if k != "refraction_depth"}
+    if follows:
+        samplers["refraction_depth"] = ("FLOAT_2D", data_texture(land))
+        samplers["reflection_depth"] = ("FLOAT_2D", data_texture(bottom))
+    arguments["samplers"] = samplers
+    arguments["defines"] = dict.fromkeys([*["EXACT"] * exact, *["FOLLOW"] * follows], "")
     eye = cameras.eye_position(plan.camera.view)
     path = single(np.linalg.norm(eye - surface, axis=1))
     to_eye = single((eye - surface) / path[:, None])
     normal = -single(optics.face_viewer(-waves.normal(body.packed_waves, surface[:, :2]), to_eye))
-    return body.body.settings, textures, arguments, surface, normal, to_eye, path
+    return body.body.settings, textures, arguments, surface, normal, to_eye, path, follow if follows else None
 
 
 UNDER_CASES = {
@@ -1471,7 +1513,7 @@ every_under = pytest.mark.parametrize("case", UNDER_CASES.values(), ids=UNDER_CA
 
 @every_under
 def test_twin_refraction_without_hole(case):
-    settings, _, arguments, _, normal, to_eye, _ = under_case(**case)
+    settings, _, arguments, _, normal, to_eye, *_ = under_case(**case)
     got = evaluate(results={"r": ("vec3", "refraction_without_hole(n, e)")}, n=normal, e=to_eye, **arguments)[
         "r"
     ]
@@ -1479,30 +1521,41 @@ def test_twin_refraction_without_hole(case):
     compare(got, want, 8 * EPS * settings.ior)
 
 
+every_way = pytest.mark.parametrize("follows", [False, True], ids=["looked up", "followed"])
+
+
+@every_way
 @every_under
-def test_twin_radiance_from_above(case):
-    settings, textures, arguments, surface, normal, to_eye, _ = under_case(**case)
+def test_twin_radiance_from_above(case, follows):
+    settings, textures, arguments, surface, normal, to_eye, _, follow = under_case(**case, follows=follows)
     direction = single(technique_lake_under.refraction_without_hole(normal, to_eye, 1.0 / settings.ior))
     got = evaluate(results={"c": ("vec3", "radiance_from_above(u, r)")}, u=surface, r=direction, **arguments)[
         "c"
     ]
-    compare_radiance(got, technique_lake_under.radiance_from_above(surface, direction, textures))
+    compare_radiance(got, technique_lake_under.radiance_from_above(surface, direction, textures, follow))
 
 
+@every_way
 @every_under
-def test_twin_radiance_from_below(case):
-    settings, textures, arguments, surface, normal, to_eye, _ = under_case(**case)
+def test_twin_radiance_from_below(case, follows):
+    settings, textures, arguments, surface, normal, to_eye, path, follow = under_case(**case, follows=follows)
     direction = single(optics.reflect_direction(-to_eye, normal))
-    got = evaluate(results={"c": ("vec3", "radiance_from_below(u, r)")}, u=surface, r=direction, **arguments)[
-        "c"
-    ]
-    compare_radiance(got, technique_lake_under.radiance_from_below(surface, direction, settings, textures))
+    results = {"c": ("vec3", "radiance_from_below(u, r, p)")}
+    got = evaluate(results=results, u=surface, r=direction, p=path, **arguments)["c"]
+    if follows:
+        want = technique_lake_under.followed_from_below(surface, direction, path, settings, textures, follow)
+    else:
+        want = technique_lake_under.radiance_from_below(surface, direction, settings, textures)
+    compare_radiance(got, want)
 
 
+@every_way
 @pytest.mark.parametrize("exact", [False, True], ids=["thesis", "exact"])
 @every_under
-def test_twin_water_radiance_from_below(case, exact):
-    settings, textures, arguments, surface, normal, to_eye, path = under_case(exact, **case)
+def test_twin_water_radiance_from_below(case, exact, follows):
+    settings, textures, arguments, surface, normal, to_eye, path, follow = under_case(
+        exact, **case, follows=follows
+    )
     got = evaluate(
         results={"c": ("vec3", "water_radiance_from_below(u, n, e, path)")},
         u=surface,
@@ -1512,7 +1565,7 @@ def test_twin_water_radiance_from_below(case, exact):
         **arguments,
     )["c"]
     want = technique_lake_under.water_radiance_from_below(
-        surface, normal, to_eye, path, settings, textures, exact=exact
+        surface, normal, to_eye, path, settings, textures, exact=exact, follow=follow
     )
     compare_radiance(got, want)
     if exact and settings.ior > 1.2:
@@ -2300,7 +2353,8 @@ def test_twin_trace(case):
     for hidden in (0.4, 1.0):
         got = evaluate(
             results={"t": ("vec4", "vec4(t.uv, t.way, t.known)")},
-            statements=f"{statement} Trace t = trace(refraction_depth, ray, {size}.0, {hidden});",
+            statements=f"""{statement}
+                Trace t = trace(refraction_depth, ray, {size}.0, {hidden}, MARCH_STEPS);""",
             **inputs,
             **gpu_arguments,
         )["t"].astype(np.float64)
@@ -2308,33 +2362,67 @@ def test_twin_trace(case):
         assert 0.2 < got[:, 3].mean() < 0.999
 
 
-def check_trace_through_camera(case, which):
-    """`trace_refraction` or `trace_reflection`, from points and directions in render space."""
+def trace_through_camera(case, kind, direction_of, twin):
+    """Of the GPU and of its twin, `trace_upwards` or `trace_downwards`, from points in render space."""
     body, own, textures, gpu_arguments, surface, normal, to_eye = traced_case(**case)
-    if which == "refraction":
-        direction, depth = optics.refract_direction(-to_eye, normal, N12)[0], textures.refraction_depth
-    else:
-        direction, depth = optics.reflect_upwards(-to_eye, normal), textures.reflection_depth
-    direction = single(direction)
+    direction = single(direction_of(-to_eye, normal))
+    camera = f"water.{kind}_view, water.{kind}_projection"
     got = evaluate(
         results={"t": ("vec4", "vec4(t.uv, t.way, t.known)")},
-        statements=f"Trace t = trace_{which}(u, r);",
+        statements=f"Trace t = {twin.__name__}({kind}_depth, {camera}, u, r, MARCH_STEPS);",
         u=surface,
         r=direction,
         **gpu_arguments,
     )["t"].astype(np.float64)
-    twin = getattr(technique_traced if which == "refraction" else depth_trace, f"trace_{which}")
-    compare_traces(got, twin(surface, direction, body, own, depth), len(depth))
+    depth = getattr(textures, f"{kind}_depth")
+    lowest = (body.lowest,) if twin is depth_trace.trace_downwards else ()
+    compare_traces(got, twin(surface, direction, getattr(body, kind), *lowest, own, depth), len(depth))
 
 
 @every_trace
-def test_twin_trace_refraction(case):
-    check_trace_through_camera(case, "refraction")
+def test_twin_trace_downwards(case):
+    def bent(incident, normal):
+        return optics.refract_direction(incident, normal, N12)[0]
+
+    trace_through_camera(case, "refraction", bent, depth_trace.trace_downwards)
 
 
 @every_trace
-def test_twin_trace_reflection(case):
-    check_trace_through_camera(case, "reflection")
+def test_twin_trace_upwards(case):
+    trace_through_camera(case, "reflection", optics.reflect_upwards, depth_trace.trace_upwards)
+
+
+def test_twin_color_and_known():
+    """Anywhere in the texture, and outside of it, of rays that met something and of rays that did not."""
+    _, textures, gpu_arguments, *_ = lake_case()
+    uv = single(RNG(50).uniform(-0.2, 1.2, (2000, 2)))
+    met = single(RNG(51).choice([0.0, 1.0], 2000))
+    got = evaluate(
+        results={"c": ("vec4", "color_and_known(refraction_color, Trace(uv, 1.0, met))")},
+        uv=uv,
+        met=met,
+        **gpu_arguments,
+    )["c"]
+    found = depth_trace.Trace(uv, np.ones(len(uv)), met)
+    color, known = depth_trace.color_and_known(found, textures.refraction_color, textures.fade)
+    assert 0.1 < (known > 0.5).mean() < 0.9
+    compare_radiance(got[:, 3:], known)
+    compare_radiance(got[:, :3] * got[:, 3:], color * known)
+
+
+def test_twin_hit_of():
+    _, _, gpu_arguments, surface, _, to_eye = lake_case()
+    way, known = single(RNG(52).uniform(0, 9, len(surface))), single(RNG(53).uniform(0, 1, len(surface)))
+    got = evaluate(
+        results={"h": ("vec4", "hit_of(Trace(vec2(0.0), t, 1.0), k, u, r)")},
+        t=way,
+        k=known,
+        u=surface,
+        r=to_eye,
+        **gpu_arguments,
+    )["h"]
+    want = np.append(surface + way[:, None] * to_eye, np.ones((len(way), 1)), axis=1)
+    compare(got, np.where(known[:, None] >= 0.5, want, 0.0), 1e-5)
 
 
 @every_trace

@@ -68,7 +68,7 @@ def test_more_steps_come_nearer_to_the_true_hits(renderer, camera):
     reference = Reference(scenes.pond(waves=RIPPLES))
     few, many = (
         drawn_errors(renderer, reference, camera, texture_size=512, intersection_steps=steps).refracted
-        for steps in (2, 8)
+        for steps in (1, 8)
     )
     assert np.nanmedian(many.distance) < 0.02
     assert np.nanmedian(many.distance) < 0.2 * np.nanmedian(few.distance)
@@ -111,6 +111,34 @@ def test_reflections_that_are_followed(renderer, camera):
         for steps in (0, 64)
     )
     assert np.nanmedian(followed.distance) < 0.1 * np.nanmedian(fixed.distance)
+
+
+def test_refractions_that_are_followed(renderer, camera):
+    """They need no more steps to be nearer than the search with all that it may have."""
+    reference = Reference(scenes.pond(waves=RIPPLES))
+    searched, followed = (
+        drawn_errors(renderer, reference, camera, texture_size=1024, **steps).refracted
+        for steps in ({"intersection_steps": 16}, {"refraction_steps": 16})
+    )
+    assert np.nanmedian(followed.pixels) <= np.nanmedian(searched.pixels)
+    assert followed.beyond < 0.5 * searched.beyond
+
+
+@pytest.mark.parametrize(
+    ("kind", "eye", "target"),
+    [("refracted", (0.5, -2, -0.8), (0, 0, 0.6)), ("reflected", (0.5, -4, -0.8), (0, 0, 0.3))],
+)
+def test_rays_that_are_followed_from_below(renderer, kind, eye, target):
+    """Up to what stands in the pond, and down to its bowl."""
+    camera = scenes.look_at(eye, target, SIZE)
+    reference = Reference(scenes.pond(waves=RIPPLES))
+    looked_up, followed = (
+        getattr(drawn_errors(renderer, reference, camera, texture_size=1024, reflection_steps=steps), kind)
+        for steps in (0, 64)
+    )
+    assert np.isfinite(followed.distance).sum() > 1000
+    assert np.nanmedian(followed.distance) < 0.2 * np.nanmedian(looked_up.distance)
+    assert followed.missed < 0.02
 
 
 def test_coarse_settings_are_worse(renderer, camera):

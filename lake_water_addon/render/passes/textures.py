@@ -20,24 +20,33 @@ NO_BOTTOM = NO_DEPTH
 
 def refraction_target(targets: Targets, body: int, size: int) -> Target:
     """colors: premultiplied radiance, filtered; distance along the viewing axis in m, not filtered."""
-    return targets.get(("refraction", body), (size, size), ("RGBA16F", "R32F"), filtered=(True, False))
+    return _target(targets, ("refraction", body), size, True)
 
 
 def reflection_target(targets: Targets, body: int, size: int, *, linear_depth: bool = False) -> Target:
     """colors: premultiplied radiance, filtered; with linear_depth as the refraction's."""
-    if linear_depth:
-        return targets.get(("reflection", body), (size, size), ("RGBA16F", "R32F"), filtered=(True, False))
-    return targets.get(("reflection", body), (size, size), ("RGBA16F",), filtered=(True,))
+    return _target(targets, ("reflection", body), size, linear_depth)
 
 
-def refraction_from_below_target(targets: Targets, body: int, size: int) -> Target:
-    """colors: premultiplied radiance of what is above the water, filtered."""
-    return targets.get(("refraction from below", body), (size, size), ("RGBA16F",), filtered=(True,))
+def refraction_from_below_target(
+    targets: Targets, body: int, size: int, *, linear_depth: bool = False
+) -> Target:
+    """colors: premultiplied radiance of what is above the water, filtered; with linear_depth as the
+    refraction's."""
+    return _target(targets, ("refraction from below", body), size, linear_depth)
 
 
-def reflection_from_below_target(targets: Targets, body: int, size: int) -> Target:
-    """colors: radiance of what is in the water, fogged, filtered. Its depth is read for the fog."""
-    return targets.get(("reflection from below", body), (size, size), ("RGBA16F",), filtered=(True,))
+def reflection_from_below_target(
+    targets: Targets, body: int, size: int, *, linear_depth: bool = False
+) -> Target:
+    """colors: radiance of what is in the water, fogged, filtered; with linear_depth as the refraction's. Its
+    depth is read for the fog."""
+    return _target(targets, ("reflection from below", body), size, linear_depth)
+
+
+def _target(targets: Targets, key: tuple, size: int, linear_depth: bool) -> Target:
+    formats, filtered = (("RGBA16F", "R32F"), (True, False)) if linear_depth else (("RGBA16F",), (True,))
+    return targets.get(key, (size, size), formats, filtered=filtered)
 
 
 def free_targets(targets: Targets, body: int) -> None:

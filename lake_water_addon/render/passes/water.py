@@ -49,8 +49,8 @@ def surface_interface(
 FROM_BELOW = "lake_under"
 """The technique of the surface seen from under water, whatever the one from the air is."""
 
-HIT_DEPTHS = ("refraction_depth", "reflection_depth")
-"""Samplers that the hits pass always has."""
+DEPTHS = ("refraction_depth", "reflection_depth")
+"""Samplers of distances. The hits pass always has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,9 @@ class SurfaceLook:
     """How the surface is drawn. technique: from the air; own: block of the settings that only it has, maps:
     its images by sampler; view_transform: table and range of `core/view_transform.py`, to draw in display
     colours; near_side: where the picture may begin in this body; from_below: seen from the water, exact: by
-    the exact equations. exact_fresnel: Fresnel's equations from the air, too; reflection_depth: there are
-    distances in the reflection texture. hit_number: of the body, for the hits pass (see `passes/hits.py`),
+    the exact equations. exact_fresnel: Fresnel's equations from the air, too. follows_refractions: refracted
+    rays are followed, by choice; follows_reflections: reflected ones, and there are distances in that
+    texture; from below both or none. hit_number: of the body, for the hits pass (see `passes/hits.py`),
     where all textures have distances; 0 for a picture.
     """
 
@@ -80,7 +81,8 @@ class SurfaceLook:
     from_below: bool = False
     exact: bool = False
     exact_fresnel: bool = False
-    reflection_depth: bool = False
+    follows_refractions: bool = False
+    follows_reflections: bool = False
     hit_number: int = 0
 
     @property
@@ -104,10 +106,15 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
         defines["FROM_BELOW"] = ""
         if look.exact:
             defines["EXACT"] = ""
+        if look.follows_reflections:
+            defines["FOLLOW"] = ""
+            samplers += [("FLOAT_2D", name) for name in DEPTHS]
     else:
         samplers.append(("FLOAT_2D", "refraction_depth"))
         chosen = TECHNIQUES[look.technique]
-        if look.reflection_depth:
+        if look.follows_refractions:
+            defines["TRACE_REFRACTIONS"] = ""
+        if look.follows_reflections:
             defines["TRACE_REFLECTIONS"] = ""
             samplers.append(("FLOAT_2D", "reflection_depth"))
         if look.exact_fresnel:
@@ -120,7 +127,7 @@ def water_spec(look: SurfaceLook, *, grid: bool) -> tuple[ShaderSpec, dict[str, 
         defines["HITS"] = ""
         outputs += [("VEC4", name) for name in ("out_surface", "out_refracted", "out_reflected")]
         given = {name for _, name in samplers}
-        samplers += [("FLOAT_2D", name) for name in HIT_DEPTHS if name not in given]
+        samplers += [("FLOAT_2D", name) for name in DEPTHS if name not in given]
         push_constants.append(("FLOAT", "body_number"))
     if look.split:
         defines["SPLIT"] = ""
@@ -174,19 +181,18 @@ class WaterPainter:
             shader.uniform_sampler("sky_image", self._scene.sky_image)
             shader.uniform_sampler("refraction_color", refraction.colors[0])
             shader.uniform_sampler("reflection_color", reflection.colors[0])
+            names = {name for _, name in spec.samplers}
+            for name, looked_up in zip(DEPTHS, (refraction, reflection), strict=True):
+                if name in names:
+                    shader.uniform_sampler(name, looked_up.colors[1])
             if not look.from_below:
-                shader.uniform_sampler("refraction_depth", refraction.colors[1])
                 chosen = TECHNIQUES[look.technique]
-                if look.reflection_depth:
-                    shader.uniform_sampler("reflection_depth", reflection.colors[1])
                 if chosen.settings is not None:
                     shader.uniform_block("technique", look.own)
                     for name, texture in look.maps.items():
                         shader.uniform_sampler(name, texture)
             if look.hit_number:
                 shader.uniform_float("body_number", look.hit_number)
-                for name, looked_up in zip(HIT_DEPTHS, (refraction, reflection), strict=True):
-                    shader.uniform_sampler(name, looked_up.colors[1])
             if look.split:
                 shader.uniform_block("near_plane", look.near_side.near_plane)
                 shader.uniform_sampler("surface_heights", look.near_side.heights)

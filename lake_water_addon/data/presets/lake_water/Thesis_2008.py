@@ -11,6 +11,7 @@ scene.fov_ext = 1.5
 scene.texture_size = 512
 scene.least_grid_resolution = 2
 scene.intersection_steps = 3
+scene.refraction_steps = 0
 scene.reflection_steps = 0
 scene.use_exact_fresnel = False
 scene.use_caustics = True
