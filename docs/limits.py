@@ -54,7 +54,7 @@ PLAIN_POND = {
 }
 PLAIN_RIPPLE = {"ripple_distance_strength": 0.0, "ripple_depth_strength": 0.0, "ripple_normal_strength": 0.2}
 BEST: dict[str, dict[str, object]] = {
-    "LAKE": {"intersection_steps": 16, "reflection_steps": 128, "use_exact_fresnel": True},
+    "LAKE": {"refraction_steps": 128, "reflection_steps": 128, "use_exact_fresnel": True},
     "SIMPLE_LAKE": {"simple_lake_longest_path": 100.0, "simple_lake_step": 0.6, "c": 32.0},
     "POND": {"pond_bias": 0.3, "pond_power": 0.5, "pond_ripple_scale": (0.03, 0.03), **PLAIN_POND},
     "RIPPLE": {"ripple_angle_strength": 0.4, **PLAIN_RIPPLE},
@@ -63,7 +63,7 @@ BEST: dict[str, dict[str, object]] = {
 """What leaves the least error in this view, of a search over those dials of a technique that move it."""
 
 MARKS: dict[str, tuple[tuple[int, int], ...]] = {
-    "LAKE": ((232, 88), (36, 150), (100, 20)),
+    "LAKE": ((185, 62), (36, 150), (100, 20)),
     "SIMPLE_LAKE": ((232, 88), (180, 70), (36, 110)),
     "POND": ((150, 110), (120, 40)),
     "RIPPLE": ((150, 110), (120, 40)),

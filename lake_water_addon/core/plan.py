@@ -760,11 +760,11 @@ def _apparent_depth(camera: Camera, rectangle: np.ndarray, n12: float) -> float:
 
 
 def _apparent_height(camera: Camera, rectangle: np.ndarray, ior: float) -> float:
-    """The mean (harmonic, as it has no bound) apparent height of what a picture from below shows through a
-    rectangle (4, 3); ior where all is reflected."""
+    """The least apparent height of what a picture from below shows through a rectangle (4, 3): with a greater
+    one, part of it would be drawn beyond the picture; ior where all is reflected."""
     cosine = _seen_cosines(camera, rectangle)
-    cosine = cosine[cosine**2 > 1.0 - 1.0 / ior**2]
-    return float(1.0 / np.mean(1.0 / cameras.apparent_depth(cosine, ior))) if len(cosine) else ior
+    leaves = len(cosine) > 0 and cosine.max() ** 2 > 1.0 - 1.0 / ior**2
+    return float(cameras.apparent_depth(cosine.max(), ior)) if leaves else ior
 
 
 def _refraction_region(
