@@ -448,12 +448,12 @@ def test_a_quality_is_set_before_other_options_and_for_the_size_of_the_frames(
     from lake_water_addon.core.quality import CUSTOM, quality_settings
 
     still = (scenes["pool"], "--resolution", "96x128", "--stats", "stats.json", "--output", "one.png")
-    for others, quality in (((), "DRAFT"), (("--intersection-steps", 4), CUSTOM)):
+    for others, quality in (((), "DRAFT"), (("--refraction-steps", 4), CUSTOM)):
         render(*still, "--quality", "draft", *others, folder=tmp_path)
         settings = json.loads((tmp_path / "stats.json").read_text())["settings"]
         assert settings["quality"] == quality
         expected = quality_settings("DRAFT", 128)
-        expected["intersection_steps"] = others[1] if others else expected["intersection_steps"]
+        expected["refraction_steps"] = others[1] if others else expected["refraction_steps"]
         del expected["viewport_samples"]  # not of a final render
         assert {name: settings[name] for name in expected} == expected
 
