@@ -54,6 +54,10 @@ SEARCH_OVERSHOOT = 1.5
 SIGHTS = 24
 """Lines of sight along each side of the picture that are asked how deep the water appears."""
 
+MOST_RAISED = 4.0
+"""Most times as high as it is that what is above is drawn from under water: at the rim of Snell's window its
+apparent height has no bound."""
+
 LEAST_DIP = 0.02
 """Least cosine of the angle of incidence that counts there: beyond, all is reflected."""
 
@@ -763,8 +767,9 @@ def _apparent_height(camera: Camera, rectangle: np.ndarray, ior: float) -> float
     """The least apparent height of what a picture from below shows through a rectangle (4, 3): with a greater
     one, part of it would be drawn beyond the picture; ior where all is reflected."""
     cosine = _seen_cosines(camera, rectangle)
-    leaves = len(cosine) > 0 and cosine.max() ** 2 > 1.0 - 1.0 / ior**2
-    return float(cameras.apparent_depth(cosine.max(), ior)) if leaves else ior
+    if len(cosine) == 0 or cosine.max() ** 2 <= 1.0 - 1.0 / ior**2:
+        return ior
+    return min(float(cameras.apparent_depth(cosine.max(), ior)), MOST_RAISED)
 
 
 def _refraction_region(

@@ -107,6 +107,20 @@ def test_where_the_surface_cuts_the_picture_the_textures_of_both_sides_are_drawn
         assert texture_pass.drawn
 
 
+@pytest.mark.parametrize("elevation", np.linspace(0.05, 1.5, 12))
+def test_under_water_land_is_raised_no_more_than_it_appears(elevation):
+    """Whatever part of Snell's window is seen; the steepest line of sight counts, and there is a bound."""
+    target = (0.0, -2.0 + np.cos(elevation), -1.0 + np.sin(elevation))
+    camera = Camera(look_at((0, -2, -1), target), PROJECTION)
+    (water,) = planned(snapshot(body()), camera, reflection_steps=8).bodies
+    ior = water.body.settings.ior
+    scale = np.linalg.norm(water.under.refraction.view[:3, 2])
+    assert water.under.steps == 8
+    assert ior - 1e-9 <= scale <= plan.MOST_RAISED
+    if elevation > 1.2:  # straight up is in the picture
+        assert scale == pytest.approx(ior, rel=0.02)
+
+
 def test_under_water_without_the_surface_in_the_picture_there_is_only_fog():
     looks_down = Camera(look_at((0, 0, -3), (0, 0.1, -9)), PROJECTION)
     plan_below = planned(snapshot(body()), looks_down)
