@@ -111,20 +111,20 @@ def followed_from_below(
     textures: UnderTextures,
     follow: Follow,
 ) -> np.ndarray:
-    """(n, 3) radiance of what the rays meet in the water; water_color where there is nothing.
+    """(n, 3) radiance of what the rays meet in the water, or what the texture shows where they leave it.
 
     The texture is fogged over the way from the mirrored camera to what it shows: over that which light really
     takes, `path` (n,) and the ray's, there is as much more or less.
     """
     planned, depth = textures.reflection, textures.reflection_depth
     found = trace_downwards(surface, direction, planned, follow.lowest, follow.search, depth)
-    known = found.known * inside_texture(found.uv, textures.fade)
     place = in_camera(planned, surface + found.way[:, None] * direction)
     fogged = -place[:, 2] if cameras.is_orthographic(planned.projection) else np.linalg.norm(place, axis=1)
     with np.errstate(over="ignore"):
         cleared = np.minimum(np.exp(settings.k * (fogged - path - found.way)), MOST_CLEARED)
     color = np.array(settings.water_color)
-    return color + (known * cleared)[:, None] * (textures.reflection_color(found.uv)[:, :3] - color)
+    cleared = np.where(found.known > 0.5, cleared, 1.0)
+    return color + cleared[:, None] * (textures.reflection_color(found.uv)[:, :3] - color)
 
 
 def water_radiance_from_below(

@@ -58,19 +58,20 @@ vec3 radiance_from_above(vec3 surface, vec3 direction)
 
 #ifdef FOLLOW
 // The texture is fogged over the way from the mirrored camera to what it shows: over that which light really takes,
-// path and way, there is as much more or less.
+// path and way, there is as much more or less. What is beyond the texture is taken to be as at its border: endless
+// water would show as a dark hole there.
 vec3 radiance_from_below(vec3 surface, vec3 direction, float path)
 {
   Trace found = trace_downwards(
       reflection_depth, water.reflection_view, water.reflection_projection, surface, direction, FOLLOWED_STEPS);
-  float known = found.known * inside_texture(found.uv);
   vec3 place = transform_point(water.reflection_view, surface + found.way * direction);
   float fogged = is_orthographic(water.reflection_projection) ? -place.z : length(place);
 #  ifdef HITS
-  reflected_hit = hit_of(found, known, surface, direction);
+  reflected_hit = hit_of(found, found.known, surface, direction);
 #  endif
   float cleared = min(exp(water.optics.x * (fogged - path - found.way)), MOST_CLEARED);
-  return mix(water.color.rgb, texture(reflection_color, found.uv).rgb, known * cleared);
+  vec3 color = texture(reflection_color, found.uv).rgb;
+  return mix(water.color.rgb, color, found.known > 0.5 ? cleared : 1.0);
 }
 #else
 // The texture is fogged already, over the whole way from the mirrored camera.
