@@ -586,7 +586,7 @@ def _about(measured: Measured) -> str:
     commits = list(dict.fromkeys(line["commit"] for line in measured.lines.values() if line.get("commit")))
     width, height = measured.rows[0].size
     shared = [row["shared"] for row in measured.rows if "shared" in row.values] or [math.nan]
-    points = Counter(row.scene for row in measured.rows)
+    points = Counter(row.scene for row in measured.rows if {"ratio", "flip"} <= row.values.keys())
     counted = ", ".join(f"{measured.labels[scene]} {number}" for scene, number in points.items())
     return (
         f"{machine['renderer']}, {machine['driver']}, {machine['cores']} cores, Blender "
@@ -594,7 +594,7 @@ def _about(measured: Measured) -> str:
         f"{width} × {height}; measured {about['began']} to {about['ended']} at commit {', '.join(commits)}; "
         f"references of {float(about['photons']):.0e} photons in each window and {about['rays']} rays a "
         f"pixel. While times were measured, other programs had {_percent(float(np.median(shared)), 0)} of "
-        f"the processor (median; at most {_percent(max(shared), 0)}). Points: {counted}."
+        f"the processor (median; at most {_percent(max(shared), 0)}). Points with time and error: {counted}."
     ).replace("e+0", "e")
 
 
