@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import cameras, intersection, optics
-from .lookup import Lookup, inside_texture
+from .lookup import Lookup, known_color
 
 if TYPE_CHECKING:  # the plan looks up the techniques, which look up this
     from .plan import BodyPlan, TexturePass
@@ -47,13 +47,6 @@ def in_camera(planned: TexturePass, points: np.ndarray) -> np.ndarray:
     return points @ planned.view[:3, :3].T + planned.view[:3, 3]
 
 
-def _color_and_known(texel: np.ndarray, uv: np.ndarray, fade: float) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance without the texels that have no colour, (n, 3), and how far it is known, (n, 1)."""
-    color = texel[:, :3] / np.maximum(texel[:, 3:], 1e-4)
-    known = np.clip(4.0 * texel[:, 3], 0.0, 1.0) * inside_texture(uv, fade)
-    return color, known[:, None]
-
-
 def straight_bottom(u: np.ndarray, projection: np.ndarray, bottom_depth: Lookup) -> np.ndarray:
     """A (n, 3) of rays that are not bent, in the refraction camera's space, as u."""
     depth = bottom_depth(cameras.to_texture(projection, u))
@@ -74,7 +67,7 @@ def radiance_through_water(
     uv = np.where(unknown[:, None], cameras.to_texture(projection, u), uv)
     texel = np.where(unknown[:, None], textures.refraction_color(uv), texel)
     straight = np.linalg.norm(straight_bottom(u, projection, textures.bottom_depth) - u, axis=1)
-    color, known = _color_and_known(texel, uv, textures.fade)
+    color, known = known_color(texel, uv, textures.fade)
     settings = body.body.settings
     a = optics.attenuation(settings.k, np.where(unknown, straight, path))
     return optics.through_water(color, np.array(settings.water_color), known * a[:, None])
@@ -105,6 +98,6 @@ def reflected_radiance(
         uv[open_rays] = at[open_rays]
         texel[open_rays] = textures.reflection_color(uv)[open_rays]
         open_rays &= texel[:, 3] <= 0.5
-    color, known = _color_and_known(texel, uv, textures.fade)
+    color, known = known_color(texel, uv, textures.fade)
     sky = textures.sky_radiance(direction)
     return sky + known * (color - sky)

@@ -24,7 +24,7 @@ import numpy as np
 
 from . import cameras, optics, waves
 from .air_lookup import WaterTextures, in_camera
-from .lookup import Lookup, inside_texture
+from .lookup import Lookup, known_color
 
 if TYPE_CHECKING:  # the plan looks up the techniques, which look up this
     from .plan import BodyPlan, TexturePass
@@ -250,9 +250,8 @@ def trace_downwards(
 
 def color_and_known(found: Trace, lookup: Lookup, fade: float) -> tuple[np.ndarray, np.ndarray]:
     """Radiance (n, 3) at what rays met, and (n, 1) how far it is known."""
-    texel = lookup(found.uv)
-    known = found.known * np.clip(4.0 * texel[:, 3], 0.0, 1.0) * inside_texture(found.uv, fade)
-    return texel[:, :3] / np.maximum(texel[:, 3:], 1e-4), known[:, None]
+    color, known = known_color(lookup(found.uv), found.uv, fade)
+    return color, found.known[:, None] * known
 
 
 def traced_reflection(

@@ -14,7 +14,7 @@ import numpy as np
 from . import cameras, optics
 from .air_lookup import in_camera
 from .depth_trace import FollowedRays, color_and_known, trace_downwards, trace_upwards
-from .lookup import Lookup, inside_texture
+from .lookup import Lookup, inside_texture, known_color
 from .plan import TexturePass
 from .snapshot import WaterSettings
 from .under_water import RAY_LENGTH
@@ -80,9 +80,8 @@ def radiance_from_above(
         uv[open_rays] = at[open_rays]
         texel[open_rays] = textures.refraction_color(uv)[open_rays]
         open_rays &= texel[:, 3] <= 0.5
-    color = texel[:, :3] / np.maximum(texel[:, 3:], 1e-4)
-    known = np.clip(4.0 * texel[:, 3], 0.0, 1.0) * inside_texture(uv, textures.fade)
-    return sky + known[:, None] * (color - sky)
+    color, known = known_color(texel, uv, textures.fade)
+    return sky + known * (color - sky)
 
 
 def radiance_from_below(

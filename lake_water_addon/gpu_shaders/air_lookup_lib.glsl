@@ -33,14 +33,12 @@ vec3 radiance_through_water(vec3 u, vec2 uv, float path)
     texel = texture(refraction_color, uv);
     path = distance(straight_bottom(u), u);
   }
-  // Premultiplied: the division takes texels with no colour out of the filter's mean.
-  vec3 color = texel.rgb / max(texel.a, 1e-4);
-  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+  vec4 color = known_color(texel, uv);
 #ifdef HITS
-  refracted_hit = shown_point(refraction_depth, water.refraction_view, water.refraction_projection, uv, known);
+  refracted_hit = shown_point(refraction_depth, water.refraction_view, water.refraction_projection, uv, color.a);
 #endif
   float a = attenuation(water.optics.x, path);
-  return through_water(color, water.color.rgb, known * a);
+  return through_water(color.rgb, water.color.rgb, color.a * a);
 }
 
 // A point in the mirrored camera's space, raised to its horizon: among the waves, a ray from a trough below
@@ -68,10 +66,9 @@ vec3 reflected_radiance(vec3 surface, vec3 direction)
     }
     reach = i < 2 ? 0.5 * reach : 0.0;
   }
-  vec3 color = texel.rgb / max(texel.a, 1e-4);
-  float known = clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv);
+  vec4 color = known_color(texel, uv);
 #ifdef HITS
-  reflected_hit = shown_point(reflection_depth, water.reflection_view, water.reflection_projection, uv, known);
+  reflected_hit = shown_point(reflection_depth, water.reflection_view, water.reflection_projection, uv, color.a);
 #endif
-  return known < 1.0 ? mix(sky_radiance(direction), color, known) : color;
+  return color.a < 1.0 ? mix(sky_radiance(direction), color.rgb, color.a) : color.rgb;
 }

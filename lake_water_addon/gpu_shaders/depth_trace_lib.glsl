@@ -169,9 +169,8 @@ Trace trace_downwards(sampler2D depths, mat4 view, mat4 projection, vec3 surface
 // rgb: radiance of what a ray met, of a premultiplied texture; a: how far it is known.
 vec4 color_and_known(sampler2D colors, Trace found)
 {
-  vec4 texel = texture(colors, found.uv);
-  float known = found.known * clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(found.uv);
-  return vec4(texel.rgb / max(texel.a, 1e-4), known);
+  vec4 color = known_color(texture(colors, found.uv), found.uv);
+  return vec4(color.rgb, found.known * color.a);
 }
 
 // What the hits pass is told of it.

@@ -48,7 +48,7 @@ vec3 radiance_from_above(vec3 surface, vec3 direction)
     }
     reach = i < 2 ? 0.5 * reach : 0.0;
   }
-  vec4 color = vec4(texel.rgb / max(texel.a, 1e-4), clamp(4.0 * texel.a, 0.0, 1.0) * inside_texture(uv));
+  vec4 color = known_color(texel, uv);
 #  ifdef HITS
   refracted_hit = shown_point(refraction_depth, water.refraction_view, water.refraction_projection, uv, color.a);
 #  endif

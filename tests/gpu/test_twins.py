@@ -918,6 +918,20 @@ def test_twin_inside_texture():
     compare(got, lookup.inside_texture(uv, textures.fade), 16 * EPS / textures.fade)
 
 
+def test_twin_known_color():
+    """Of texels with much, little and no colour, also beyond the border."""
+    _, textures, gpu_arguments, *_ = lake_case()
+    uv = single(RNG(54).uniform(-0.2, 1.2, (2000, 2)))
+    texel = RNG(55).uniform(0.0, 1.0, (2000, 4))
+    texel[:500, 3] *= 0.25
+    texel[:100] = 0.0
+    texel = single(texel)
+    got = evaluate(results={"c": ("vec4", "known_color(t, uv)")}, t=texel, uv=uv, **gpu_arguments)["c"]
+    color, known = lookup.known_color(texel, uv, textures.fade)
+    compare(got[:, :3], color, 1e-5, 8 * EPS)
+    compare(got[:, 3:], known, 16 * EPS / textures.fade)
+
+
 LAKE_CASES = {
     "lake": {},
     "flat and clear": {"waves": (), "k": 0.0},
