@@ -49,8 +49,8 @@ HIDDEN_BOTTOM = 1.0
 LEAST_DESCENT = 0.05
 """Least -z of a direction into the water; refraction at the steepest wave leaves more."""
 
-BELOW_LOWEST = 0.1
-"""m below the lowest thing in the water where a ray ends."""
+BEYOND = 0.1
+"""m below the lowest thing in the water, or above the highest over it, where a ray ends."""
 
 
 class Search(Protocol):
@@ -223,11 +223,20 @@ class TracedTextures:
 
 
 def trace_upwards(
-    surface: np.ndarray, direction: np.ndarray, planned: TexturePass, search: Search, depth: np.ndarray
+    surface: np.ndarray,
+    direction: np.ndarray,
+    planned: TexturePass,
+    highest: float,
+    search: Search,
+    depth: np.ndarray,
 ) -> Trace:
-    """What rays (n, 3) from surface points (n, 3) meet above the water, in the depth texture of a pass."""
+    """What rays (n, 3) from surface points (n, 3) meet above the water, in the depth texture of a pass.
+
+    highest: height above which there is nothing.
+    """
     origin, along = in_camera(planned, surface), along_in_camera(planned, direction)
-    end = np.full(len(surface), FARTHEST)
+    rise = np.maximum(highest - surface[:, 2], 0.0) + BEYOND
+    end = np.minimum(rise / np.maximum(direction[:, 2], rise / FARTHEST), FARTHEST)
     ray = texture_ray(origin, along, planned.projection, end, len(depth))
     return trace(depth, ray, len(depth), search, HIDDEN_LAND)
 
@@ -242,7 +251,7 @@ def trace_downwards(
 ) -> Trace:
     """What rays (n, 3) from surface points (n, 3) meet in the water. lowest: the bottom's least height."""
     descent = np.maximum(-direction[:, 2], LEAST_DESCENT)
-    end = (np.maximum(surface[:, 2] - lowest, 0.0) + BELOW_LOWEST) / descent
+    end = (np.maximum(surface[:, 2] - lowest, 0.0) + BEYOND) / descent
     origin, along = in_camera(planned, surface), along_in_camera(planned, direction)
     ray = texture_ray(origin, along, planned.projection, end, len(depth))
     return trace(depth, ray, len(depth), search, HIDDEN_BOTTOM)
@@ -262,7 +271,9 @@ def traced_reflection(
     textures: TracedTextures,
 ) -> np.ndarray:
     """(n, 3) radiance that comes along the mirrored ray."""
-    found = trace_upwards(surface, direction, body.reflection, search, textures.reflection_depth)
+    found = trace_upwards(
+        surface, direction, body.reflection, body.highest, search, textures.reflection_depth
+    )
     lookups = textures.lookups
     color, known = color_and_known(found, lookups.reflection_color, lookups.fade)
     sky = lookups.sky_radiance(direction)

@@ -161,9 +161,9 @@ class UnderWater:
 class BodyPlan:
     """One water body in one view. origin: (3,) of the water frame in render space.
 
-    body: as the technique draws it, which may be without waves, or with a k of its own. lowest: height in
-    render space of the lowest thing in it. extent: (half_x, half_y, center_x, center_y) of the rectangle
-    around it in the water frame.
+    body: as the technique draws it, which may be without waves, or with a k of its own. lowest, highest:
+    heights in render space of the lowest thing in it and of the highest of all. extent: (half_x, half_y,
+    center_x, center_y) of the rectangle around it in the water frame.
 
     side: of its surface, on which the picture begins. refraction and reflection are what is looked up from
     the air; under: from the water, None when the picture does not begin in it.
@@ -181,6 +181,7 @@ class BodyPlan:
     light: WaterLight | None
     spectrum: Spectrum
     lowest: float
+    highest: float
     extent: tuple[float, float, float, float]
 
 
@@ -465,6 +466,7 @@ def _plan_body(
         light,
         _spectrum(body, snapshot.sun, technique),
         float(sunken[0][2]) if sunken is not None else level - highest,
+        float(extents.bounds[1][2]) if extents.bounds is not None else level,
         _extent(body, snapshot),
     )
 

@@ -57,7 +57,7 @@ QUALITIES = {
         samples=4,
         settings={
             "fov_ext": 1.2,
-            "least_grid_resolution": 256,
+            "least_grid_resolution": 128,
             "refraction_steps": 16,
             "reflection_steps": 32,
             "use_exact_fresnel": True,
@@ -74,7 +74,7 @@ QUALITIES = {
         samples=8,
         settings={
             "fov_ext": 1.2,
-            "least_grid_resolution": 384,
+            "least_grid_resolution": 192,
             "refraction_steps": 32,
             "reflection_steps": 64,
             "use_exact_fresnel": True,
@@ -91,7 +91,7 @@ QUALITIES = {
         samples=32,
         settings={
             "fov_ext": 1.3,
-            "least_grid_resolution": 512,
+            "least_grid_resolution": 256,
             "refraction_steps": 64,
             "reflection_steps": 64,
             "use_exact_fresnel": True,

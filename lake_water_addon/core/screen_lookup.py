@@ -15,6 +15,7 @@ import numpy as np
 from . import cameras
 from .air_lookup import LEAST_KNOWN, in_camera, over_horizon, straight_bottom
 from .lookup import Lookup
+from .surface import frame_axes
 
 if TYPE_CHECKING:  # the plan looks up the techniques
     from .plan import BodyPlan
@@ -23,21 +24,9 @@ MIN_WIDTH = 1e-6
 """A ramp narrower than this is a step."""
 
 
-def in_water_frame(surface: np.ndarray, body: BodyPlan) -> np.ndarray:
-    """(n, 2) m along the axes of the water frame, from its origin."""
-    d = surface[:, :2] - body.origin[:2]
-    return d @ _axes(body)
-
-
 def from_water_frame(vector: np.ndarray, body: BodyPlan) -> np.ndarray:
     """(n, 2) components along x and y of render space, from those along the axes of the water frame."""
-    return vector @ _axes(body).T
-
-
-def _axes(body: BodyPlan) -> np.ndarray:
-    """(2, 2) the water frame's axes in its columns."""
-    c, s = np.cos(body.body.heading), np.sin(body.body.heading)
-    return np.array([[c, -s], [s, c]])
+    return vector @ frame_axes(body).T
 
 
 def screen_coordinate(surface: np.ndarray, body: BodyPlan) -> np.ndarray:

@@ -69,7 +69,7 @@ def radiance_from_above(
     sky = textures.sky_radiance(unit)
     if follow is not None:
         search, planned = follow.search, textures.refraction
-        found = trace_upwards(surface, unit, planned, search, textures.refraction_depth)
+        found = trace_upwards(surface, unit, planned, follow.highest, search, textures.refraction_depth)
         color, known = color_and_known(found, textures.refraction_color, textures.fade)
         return sky + known * (color - sky)
     texel = np.zeros((len(surface), 4))
@@ -96,10 +96,11 @@ def radiance_from_below(
 
 @dataclass(frozen=True, eq=False)
 class Follow:
-    """How rays are followed. lowest: height of the lowest thing in the water."""
+    """How rays are followed. lowest, highest: heights of the lowest thing in the water and of all things."""
 
     search: FollowedRays
     lowest: float
+    highest: float
 
 
 def followed_from_below(

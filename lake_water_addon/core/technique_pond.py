@@ -27,7 +27,6 @@ from .cameras import UP
 from .lookup import Lookup
 from .screen_lookup import (
     from_water_frame,
-    in_water_frame,
     radiance_near,
     ramp,
     screen_coordinate,
@@ -36,6 +35,7 @@ from .screen_lookup import (
     water_below,
 )
 from .snapshot import Sky, Sun
+from .surface import in_water_frame
 from .technique_settings import COLOR, LENGTH, TechniqueSettings, scrolled, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques

@@ -21,7 +21,6 @@ from .air_lookup import WaterTextures
 from .lookup import Lookup
 from .screen_lookup import (
     from_water_frame,
-    in_water_frame,
     radiance_near,
     ramp,
     screen_coordinate,
@@ -29,6 +28,7 @@ from .screen_lookup import (
     viewing_distance,
     water_below,
 )
+from .surface import in_water_frame
 from .technique_settings import ANGLE, LENGTH, TechniqueSettings, scrolled, setting
 
 if TYPE_CHECKING:  # the plan looks up the techniques

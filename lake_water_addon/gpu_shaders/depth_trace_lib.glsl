@@ -10,7 +10,7 @@
 #define HIDDEN_LAND 0.4
 #define HIDDEN_BOTTOM 1.0
 #define LEAST_DESCENT 0.05
-#define BELOW_LOWEST 0.1
+#define BEYOND 0.1
 
 // A ray in the space of a texture's camera, and the straight line that it is in the texture.
 struct TextureRay {
@@ -72,14 +72,12 @@ float depth_between(sampler2D map, vec2 uv, float jump)
   vec2 at = clamp(uv, 0.0, 1.0) * vec2(size) - 0.5;
   ivec2 low = clamp(ivec2(floor(at)), ivec2(0), size - 2);
   vec2 part = clamp(at - vec2(low), 0.0, 1.0);
-  float a = texelFetch(map, low, 0).r;
-  float b = texelFetch(map, low + ivec2(1, 0), 0).r;
-  float c = texelFetch(map, low + ivec2(0, 1), 0).r;
-  float d = texelFetch(map, low + ivec2(1, 1), 0).r;
-  if (max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) > jump) {
+  vec4 z = textureGather(map, vec2(low + 1) / vec2(size));
+  if (max(max(z.x, z.y), max(z.z, z.w)) - min(min(z.x, z.y), min(z.z, z.w)) > jump) {
     part = floor(part + 0.5);
   }
-  return mix(mix(a, b, part.x), mix(c, d, part.x), part.y);
+  vec2 row = mix(z.wx, z.zy, part.x);
+  return mix(row.x, row.y, part.y);
 }
 
 // m that the ray is behind what the texture shows; negative before it.
@@ -95,31 +93,42 @@ Trace trace(sampler2D map, TextureRay ray, float size, float hidden, int most_st
 {
   int steps = int(clamp(ceil(distance(ray.from, ray.to) * size), 1.0, float(most_steps)));
   float before = min(behind(map, ray, 0.0), 0.0);
+  float now = 0.0;
+  float low = 0.0;
+  float high = 0.0;
+  float ahead = 0.0;
+  float after = 0.0;
   float least = 1e30;
   float found = 1.0;
-  for (int i = 1; i <= steps; i++) {
-    float low = float(i - 1) / float(steps);
-    float high = float(i) / float(steps);
-    float now = behind(map, ray, high);
-    float after = now;
+  int step = 0;
+  int halvings = 0; // that the last step still has to go through
+  // One lookup each time, be it a step or a halving: rays beside each other, which graphics cards follow together, do
+  // not wait for one another.
+  for (int lookups = 0; lookups < steps * (1 + BISECTION_STEPS); lookups++) {
+    bool halves = halvings > 0;
+    step += halves ? 0 : 1;
+    float place = halves ? 0.5 * (low + high) : float(step) / float(steps);
+    float there = behind(map, ray, place);
+    if (!halves) {
+      low = float(step - 1) / float(steps);
+      now = there;
+      ahead = before;
+      halvings = now > 0.0 && before <= 0.0 ? BISECTION_STEPS + 1 : 1;
+    }
+    halvings--;
+    if (there > 0.0 || !halves) {
+      high = place;
+      after = there;
+    }
+    else {
+      low = place;
+      ahead = there;
+    }
+    if (halvings > 0) {
+      continue;
+    }
     if (now > 0.0) {
-      float part = high;
-      if (before <= 0.0) {
-        float ahead = before;
-        for (int j = 0; j < BISECTION_STEPS; j++) {
-          float middle = 0.5 * (low + high);
-          float there = behind(map, ray, middle);
-          if (there > 0.0) {
-            high = middle;
-            after = there;
-          }
-          else {
-            low = middle;
-            ahead = there;
-          }
-        }
-        part = low + (high - low) * ahead / (ahead - after);
-      }
+      float part = before <= 0.0 ? low + (high - low) * ahead / (ahead - after) : high;
       float way = way_at(ray, part);
       if (after <= THICKNESS + 2.0 * texel_at(ray, way)) {
         return Trace(mix(ray.from, ray.to, part), way, 1.0);
@@ -130,10 +139,13 @@ Trace trace(sampler2D map, TextureRay ray, float size, float hidden, int most_st
       }
       if (now < least) {
         least = now;
-        found = float(i) / float(steps);
+        found = float(step) / float(steps);
       }
     }
     before = now;
+    if (step == steps) {
+      break;
+    }
   }
   // Behind something to the end: the place where it is least.
   if (before > 0.0) {
@@ -151,14 +163,16 @@ Trace trace_upwards(sampler2D depths, mat4 view, mat4 projection, vec3 surface, 
   vec3 origin = transform_point(view, surface);
   vec3 along = transform_direction(view, direction);
   float size = water.fresnel.w;
-  TextureRay ray = texture_ray(origin, along, projection, FARTHEST, size);
+  float rise = max(water.rays.w - surface.z, 0.0) + BEYOND;
+  float end = min(rise / max(direction.z, rise / FARTHEST), FARTHEST);
+  TextureRay ray = texture_ray(origin, along, projection, end, size);
   return trace(depths, ray, size, HIDDEN_LAND, most_steps);
 }
 
 // A ray from the surface to what is in the water.
 Trace trace_downwards(sampler2D depths, mat4 view, mat4 projection, vec3 surface, vec3 direction, int most_steps)
 {
-  float end = (max(surface.z - water.grid_axis.z, 0.0) + BELOW_LOWEST) / max(-direction.z, LEAST_DESCENT);
+  float end = (max(surface.z - water.rays.z, 0.0) + BEYOND) / max(-direction.z, LEAST_DESCENT);
   vec3 origin = transform_point(view, surface);
   vec3 along = transform_direction(view, direction);
   float size = water.fresnel.w;

@@ -3,6 +3,7 @@
 
 #include "camera_lib.glsl"
 #include "optics_lib.glsl"
+#include "waves_lib.glsl"
 #include "sun_run_lib.glsl"
 
 #define MAX_TURN 0.25
@@ -30,17 +31,6 @@ struct Photon {
   float light;
   bool landed;
 };
-
-// Sine and cosine of an angle, to 4e-7 and what the angle itself lost. Photons spend most of their time on them,
-// and software OpenGL ten times this in its own. Both are sin(2 pi u) with u in -1/4 to 1/4: minimax, degree 9.
-vec2 sine_cosine(float angle)
-{
-  float turns = angle * 0.15915494309189535;
-  vec2 u = vec2(turns - 0.25, turns);
-  u = 0.25 - abs(u - floor(u + 0.5));
-  vec2 s = u * u;
-  return u * (6.28318516 + s * (-41.34165503 + s * (81.60100405 + s * (-76.54978177 + s * 39.53670193))));
-}
 
 WavesAt waves_at(vec2 p)
 {
@@ -84,10 +74,7 @@ float bottom_depth(vec2 uv)
   vec2 at = clamp(uv, 0.0, 1.0) * vec2(size) - 0.5;
   ivec2 low = clamp(ivec2(floor(at)), ivec2(0), size - 2);
   vec2 part = at - vec2(low);
-  vec4 z = vec4(texelFetch(light_depth, low, 0).r,
-                texelFetch(light_depth, low + ivec2(1, 0), 0).r,
-                texelFetch(light_depth, low + ivec2(0, 1), 0).r,
-                texelFetch(light_depth, low + ivec2(1, 1), 0).r);
+  vec4 z = textureGather(light_depth, vec2(low + 1) / vec2(size)).wzxy;
   float jump = max(max(z.x, z.y), max(z.z, z.w)) - min(min(z.x, z.y), min(z.z, z.w));
   if (jump > DEPTH_JUMP * water_light.depth.y) {
     part = floor(clamp(part, 0.0, 1.0) + 0.5);

@@ -2,16 +2,9 @@
 // Lookups at a fragment's own place in the picture, for Pond and Ripple. Twin: core/screen_lookup.py.
 
 #include "air_lookup_lib.glsl"
+#include "surface_lib.glsl"
 
 #define MIN_WIDTH 1e-6
-
-// m along the axes of the water frame, from its origin.
-vec2 in_water_frame(vec3 surface)
-{
-  vec2 d = surface.xy - water.plane.xy;
-  vec2 axis = water.grid_axis.xy;
-  return vec2(axis.x * d.x + axis.y * d.y, axis.x * d.y - axis.y * d.x);
-}
 
 vec2 from_water_frame(vec2 v)
 {

@@ -8,8 +8,8 @@
 
 #define BISECTION_STEPS 6
 #define THICKNESS 2.0
-#define REFRACTION_STEPS int(water.fresnel.y)
-#define REFLECTION_STEPS int(water.grid_axis.w)
+#define REFRACTION_STEPS int(water.rays.x)
+#define REFLECTION_STEPS int(water.rays.y)
 
 #include "depth_trace_lib.glsl"
 #ifdef TRACE_REFLECTIONS

@@ -7,7 +7,7 @@
 
 #define BISECTION_STEPS 6
 #define THICKNESS 2.0
-#define FOLLOWED_STEPS int(water.grid_axis.w)
+#define FOLLOWED_STEPS int(water.rays.y)
 
 #include "depth_trace_lib.glsl"
 

@@ -29,10 +29,11 @@ struct View {
 struct Water {
   vec4 plane;   // xyz: origin of the water frame; w: number of waves
   vec4 optics;  // k, q, c, n12
-  vec4 fresnel; // f, steps along a refracted ray, fade at the texture's border, size of the textures
+  vec4 fresnel; // f; y: the waves' greatest height; z: fade at the textures' border, w: their size
   vec4 color;   // rgb; w: mean slope of the waves that a ray meets which skims them
   vec4 grid;      // of the grid, or the box around the mesh: half extents x, y; centre x, y; in the water frame
-  vec4 grid_axis; // cos, sin of the heading; z: height of the lowest thing in the water; w: steps along a reflected ray, from below along any
+  vec4 grid_axis; // cos, sin of the heading
+  vec4 rays;      // steps along a refracted ray, a reflected one (from below any); heights of the lowest thing in the water, the highest over it
   mat4 refraction_view;
   mat4 refraction_projection;
   mat4 reflection_view;

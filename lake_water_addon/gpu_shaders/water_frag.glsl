@@ -6,6 +6,7 @@
 #include "waves_lib.glsl"
 #include "optics_lib.glsl"
 #include "sky_lib.glsl"
+#include "surface_lib.glsl"
 #ifdef SPLIT
 #  include "fog_lib.glsl"
 #  include "near_side_lib.glsl"
@@ -16,6 +17,15 @@
 #include TECHNIQUE
 #ifdef DISPLAY_REFERRED
 #  include "view_transform_lib.glsl"
+#endif
+
+// Part of the way to the eye that the surface may be nearer than its mesh.
+#define NEARER 0.9
+#define ENDLESS 1e30
+#ifdef FROM_BELOW
+#  define UP -1.0
+#else
+#  define UP 1.0
 #endif
 
 void main()
@@ -29,24 +39,24 @@ void main()
     discard;
   }
 #endif
-  vec3 to_eye = pass_view.eye.w > 0.5 ? pass_view.eye.xyz : normalize(pass_view.eye.xyz - v_position);
-  vec2 slope = v_slope + wave_slope(v_position.xy - water.plane.xy);
-  vec3 normal = normalize(vec3(-slope, 1.0));
+  bool orthographic = pass_view.eye.w > 0.5;
+  vec3 to_eye = orthographic ? pass_view.eye.xyz : normalize(pass_view.eye.xyz - v_position);
+  float away = orthographic ? -transform_point(pass_view.view, v_position).z : distance(pass_view.eye.xyz, v_position);
+  float most = orthographic ? ENDLESS : NEARER * away;
+  SurfacePoint surface = surface_in_sight(v_position, v_wave, v_slope, to_eye, most, UP);
+  vec3 normal = normalize(vec3(-surface.slope, 1.0));
 #ifdef FROM_BELOW
-  float path = distance(pass_view.eye.xyz, v_position);
-  if (pass_view.eye.w > 0.5) {
-    path = max(-transform_point(pass_view.view, v_position).z, 0.0);
-  }
-  vec3 radiance = water_radiance_from_below(v_position, -face_viewer(-normal, to_eye), to_eye, path);
+  float path = max(away - dot(surface.position - v_position, to_eye), 0.0);
+  vec3 radiance = water_radiance_from_below(surface.position, -face_viewer(-normal, to_eye), to_eye, path);
 #else
-  vec3 radiance = water_radiance(v_position, face_viewer(normal, to_eye), to_eye);
+  vec3 radiance = water_radiance(surface.position, face_viewer(normal, to_eye), to_eye);
 #endif
 #ifdef DISPLAY_REFERRED
   radiance = view_transform(radiance);
 #endif
   out_color = vec4(radiance, 1.0);
 #ifdef HITS
-  out_surface = vec4(v_position, body_number);
+  out_surface = vec4(surface.position, body_number);
   out_refracted = refracted_hit;
   out_reflected = reflected_hit;
 #endif

@@ -31,8 +31,10 @@ void main()
 #endif
   float wave = wave_height(flat_point.xy - water.plane.xy);
   v_position = flat_point + vec3(0.0, 0.0, wave);
-#ifdef PHOTONS
+#ifndef HEIGHTS_ONLY
   v_wave = wave;
+#endif
+#ifdef PHOTONS
   float height = v_position.z - water.plane.z;
   vec3 launch = v_position - height * sun_run();
   v_launch = (water_light.projection * vec4(transform_point(water_light.view, launch), 1.0)).xy;

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from gpu.types import Buffer, GPUUniformBuf
 
-from ..core import cameras, optics, technique_settings, waves
+from ..core import cameras, optics, surface, technique_settings, waves
 from ..core.plan import CASCADES, BodyPlan, FramePlan, TexturePass
 from ..core.technique_settings import TechniqueSettings
 from ..core.under_water import HEIGHT_TEXELS, HeightMap, NearPlane
@@ -105,22 +105,18 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
     looked_up = body.under if from_below else body
     n12 = 1.0 / settings.ior
     reflection_steps = body.under.steps if from_below else frame.reflection_steps
+    refraction_steps = frame.refraction_steps or frame.intersection_steps
+    greatest = surface.greatest_height(body.packed_waves)
     packed = np.zeros((MAX_WAVES, 4))
     packed[: len(body.packed_waves)] = body.packed_waves
     return [
         _vec4(body.origin, len(body.packed_waves)),
         np.array([settings.k, settings.q, settings.c, n12]),
-        np.array(
-            [
-                optics.reflectance_at_normal(n12),
-                frame.refraction_steps or frame.intersection_steps,
-                BORDER_FADE,
-                frame.texture_size,
-            ]
-        ),
+        np.array([optics.reflectance_at_normal(n12), greatest, BORDER_FADE, frame.texture_size]),
         _vec4(np.array(settings.water_color), waves.met_slope(body.packed_waves)),
         np.array(body.extent),
-        np.array([np.cos(body.body.heading), np.sin(body.body.heading), body.lowest, reflection_steps]),
+        np.array([np.cos(body.body.heading), np.sin(body.body.heading), 0.0, 0.0]),
+        np.array([refraction_steps, reflection_steps, body.lowest, body.highest]),
         looked_up.refraction.view.T,
         looked_up.refraction.projection.T,
         looked_up.reflection.view.T,

@@ -176,7 +176,8 @@ def tracers(body, search):
         return depth_trace.trace_downwards(surface, direction, planned, lowest, search, depth)
 
     def up(surface, direction, depth):
-        return depth_trace.trace_upwards(surface, direction, body.reflection, search, depth)
+        planned, highest = body.reflection, body.highest
+        return depth_trace.trace_upwards(surface, direction, planned, highest, search, depth)
 
     return down, up
 

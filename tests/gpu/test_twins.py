@@ -27,6 +27,7 @@ from lake_water_addon.core import (
     screen_lookup,
     shadows,
     sky,
+    surface,
     technique_lake,
     technique_lake_under,
     technique_pond,
@@ -275,6 +276,30 @@ def wave_bound(packed, points, factor):
     return (2 * EPS * angle + 1e-6) @ (packed[:, 2] * factor) + 1e-9
 
 
+def test_twin_sine_cosine():
+    """4e-7, and what the angle's own rounding costs."""
+    angle = RNG(41).uniform(-1, 1, 4000) * np.geomspace(0.1, 1e4, 4000)
+    angle = single(np.append(angle, [0.0, np.pi]))
+    blocks = {"water": ("Water", water_block(planned()))}
+    got = evaluate(["waves_lib.glsl"], {"s": ("vec2", "sine_cosine(a)")}, uniform_buffers=blocks, a=angle)[
+        "s"
+    ]
+    compare(got, np.stack([np.sin(angle), np.cos(angle)], 1), (4e-7 + 2 * EPS * np.abs(angle))[:, None])
+
+
+def test_twin_wave_slope_and_height():
+    for plan, packed, points in wave_cases():
+        got = evaluate(
+            ["waves_lib.glsl"],
+            {"w": ("vec3", "wave_slope_and_height(p)")},
+            uniform_buffers={"water": ("Water", water_block(plan))},
+            p=points,
+        )["w"]
+        steepness = np.linalg.norm(packed[:, :2], axis=1)
+        compare(got[:, :2], waves.slope(packed, points), wave_bound(packed, points, steepness)[:, None])
+        compare(got[:, 2], waves.height(packed, points), wave_bound(packed, points, 1.0))
+
+
 def test_twin_wave_height():
     for plan, packed, points in wave_cases():
         got = evaluate(
@@ -296,6 +321,80 @@ def test_twin_wave_slope():
         )["s"]
         steepness = np.linalg.norm(packed[:, :2], axis=1)
         compare(got, waves.slope(packed, points), wave_bound(packed, points, steepness)[:, None])
+
+
+# surface_lib.glsl
+
+
+def test_twin_is_in_body():
+    """In and around a turned rectangle that does not lie about its origin."""
+    body = planned(scenes.pond()).bodies[0]
+    body = replace(body, body=replace(body.body, matrix=turned(0.7)), extent=(6.0, 2.5, 1.5, -0.5))
+    points = single(RNG(8).uniform(-9, 9, (4000, 3)))
+    blocks = {"water": ("Water", water_block(replace(planned(), bodies=(body,))))}
+    got = evaluate(
+        ["waves_lib.glsl", "surface_lib.glsl"],
+        {"i": ("float", "float(is_in_body(p))")},
+        uniform_buffers=blocks,
+        p=points,
+    )["i"]
+    want = surface.is_in_body(points, body)
+    assert 0.1 < want.mean() < 0.9
+    apart = np.abs(surface.in_water_frame(points, body) - body.extent[2:]) - body.extent[:2]
+    clear = np.abs(apart).min(axis=1) > 1e-5
+    np.testing.assert_array_equal(got[clear], want[clear])
+
+
+def turned(heading):
+    """The matrix of a body at the origin whose X axis has that heading."""
+    matrix = np.eye(4)
+    matrix[:2, :2] = [[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]]
+    return matrix
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0], ids=["from the air", "from below"])
+@pytest.mark.parametrize("steep", [False, True], ids=["lake", "steep"])
+def test_twin_surface_in_sight(steep, up):
+    """The twin's place to 0.1 mm where Newton's steps are a contraction, and no worse than the mesh anywhere.
+
+    Points lie up to 20 m away, of a mesh that is off by up to the waves' whole height.
+    """
+    plan = planned(scenes.pond(waves=scenes.STEEP_WAVES if steep else scenes.LAKE_WAVES))
+    body = replace(plan.bodies[0], packed_waves=single(plan.bodies[0].packed_waves))
+    rng = RNG(7)
+    point = single(np.append(rng.uniform(-20, 20, (3000, 2)), rng.normal(0, 0.05, (3000, 1)), axis=1))
+    wave = single(point[:, 2] - rng.normal(0, 0.01, 3000))
+    mesh_slope = single(rng.normal(0, 0.03, (3000, 2)))
+    angle, rise = rng.uniform(-np.pi, np.pi, 3000), np.geomspace(0.01, 1.57, 3000)
+    to_eye = single(
+        np.stack([np.cos(angle) * np.cos(rise), np.sin(angle) * np.cos(rise), up * np.sin(rise)], axis=1)
+    )
+    most = single(rng.uniform(0.05, 5.0, 3000))
+    got = evaluate(
+        ["waves_lib.glsl", "surface_lib.glsl"],
+        {"position": ("vec3", "found.position"), "slope": ("vec2", "found.slope")},
+        statements=f"SurfacePoint found = surface_in_sight(p, wave, mesh_slope, e, most, {up});",
+        uniform_buffers={"water": ("Water", water_block(replace(plan, bodies=(body,))))},
+        p=point,
+        wave=wave,
+        mesh_slope=mesh_slope,
+        e=to_eye,
+        most=most,
+    )
+    want = surface.surface_in_sight(point, wave, mesh_slope, to_eye, most, up, body)
+
+    def above(place):
+        along = np.sum((place - point) * to_eye, axis=1)
+        over_mesh = to_eye[:, 2] - np.sum(mesh_slope * to_eye[:, :2], axis=1)
+        height = waves.height(body.packed_waves, place[:, :2] - body.origin[:2])
+        return np.abs(wave + along * over_mesh - height)
+
+    assert np.all(above(got["position"].astype(np.float64)) <= above(point) + 2e-5)
+    if not steep:
+        steady = rise > 0.5
+        compare(got["position"][steady], want.position[steady], 1e-4)
+        compare(got["slope"][steady], want.slope[steady], 1e-3)
+        assert np.median(above(want.position)[steady]) < 1e-6 < np.median(above(point)[steady])
 
 
 # camera_lib.glsl
@@ -1222,7 +1321,7 @@ def test_twin_ramp():
 def test_twin_in_water_frame():
     case = ripple_case()
     got = evaluate_own(case, ("vec2", "in_water_frame(u)"), u=case[4])
-    compare(got, screen_lookup.in_water_frame(case[4], case[0]), 32 * EPS)
+    compare(got, surface.in_water_frame(case[4], case[0]), 32 * EPS)
 
 
 def test_twin_from_water_frame():
@@ -1493,7 +1592,8 @@ def under_case(exact=False, camera=None, follows=False, **settings):
         land,
         bottom,
     )
-    follow = technique_lake_under.Follow(depth_trace.FollowedRays(STEPS_FROM_BELOW), body.lowest)
+    search = depth_trace.FollowedRays(STEPS_FROM_BELOW)
+    follow = technique_lake_under.Follow(search, body.lowest, body.highest)
     from_below = replace(plan, bodies=(replace(body, refraction=refraction, reflection=reflection),))
     arguments = dict(arguments)
     arguments["sources"] = (*WATER_SOURCES[:-1], "technique_lake_under_lib.glsl")
@@ -1938,15 +2038,6 @@ def on_true_waves(scene, point, wave):
     return caustics.WaterPoint(*(single(part) for part in found))
 
 
-def test_twin_sine_cosine():
-    """4e-7, and what the angle's own rounding costs."""
-    angle = RNG(41).uniform(-1, 1, 4000) * np.geomspace(0.1, 1e4, 4000)
-    angle = single(np.append(angle, [0.0, np.pi]))
-    *_, options = photon_case()
-    got = evaluate(results={"s": ("vec2", "sine_cosine(a)")}, a=angle, **options)["s"]
-    compare(got, np.stack([np.sin(angle), np.cos(angle)], 1), (4e-7 + 2 * EPS * np.abs(angle))[:, None])
-
-
 @every_photon
 def test_twin_waves_at(case):
     scene, point, _, _, options = photon_case(**case)
@@ -2389,8 +2480,8 @@ def trace_through_camera(case, kind, direction_of, twin):
         **gpu_arguments,
     )["t"].astype(np.float64)
     depth = getattr(textures, f"{kind}_depth")
-    lowest = (body.lowest,) if twin is depth_trace.trace_downwards else ()
-    compare_traces(got, twin(surface, direction, getattr(body, kind), *lowest, own, depth), len(depth))
+    ends = body.lowest if twin is depth_trace.trace_downwards else body.highest
+    compare_traces(got, twin(surface, direction, getattr(body, kind), ends, own, depth), len(depth))
 
 
 @every_trace

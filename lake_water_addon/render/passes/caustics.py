@@ -75,7 +75,7 @@ def photon_spec(*, grid: bool, shadows: bool) -> tuple[ShaderSpec, dict[str, str
     if shadows:
         defines["SHADOWS"] = ""
         samplers.append(("FLOAT_2D", "shadow_depth"))
-    surface["varyings"] = (*surface["varyings"], ("FLOAT", "v_wave"), ("VEC2", "v_launch"))
+    surface["varyings"] = (*surface["varyings"], ("VEC2", "v_launch"))
     spec = ShaderSpec(
         name="photons",
         fragment="photon_frag.glsl",

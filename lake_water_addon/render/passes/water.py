@@ -37,6 +37,8 @@ def surface_interface(
         "vertex_in": (("VEC2", "cell"),) if grid else (("VEC3", "position"), ("VEC3", "normal")),
         "varyings": (("VEC3", "v_position"), ("VEC2", "v_slope")),
     }
+    if not heights_only:
+        fields["varyings"] += (("FLOAT", "v_wave"),)
     push_constants = [] if grid else [("MAT4", "object_matrix")]
     defines = {"GRID" if grid else "MESH": ""}
     if heights_only:
