@@ -22,8 +22,12 @@ if TYPE_CHECKING:  # the plan looks up the techniques
     from .plan import BodyPlan
 
 SURFACE_STEPS = 6
-LEAST_FACING = 0.25
+LEAST_APPROACH = 0.25
 """How fast sight is taken to come nearer to waves at least, as a part of that to level water."""
+
+NEARER = 0.9
+"""Part of the way from the mesh to the eye that the surface may be nearer."""
+ENDLESS = 1e30
 
 
 class SurfacePoint(NamedTuple):
@@ -55,6 +59,11 @@ def is_in_body(surface: np.ndarray, body: BodyPlan) -> np.ndarray:
     return np.all(np.abs(in_water_frame(surface, body) - center) <= half, axis=1)
 
 
+def most_towards_eye(eye: np.ndarray, point: np.ndarray, *, orthographic: bool = False) -> np.ndarray:
+    """(n,) m from points (n, 3) of the mesh that the surface may be nearer to the eye (3,)."""
+    return np.full(len(point), ENDLESS) if orthographic else NEARER * np.linalg.norm(eye - point, axis=1)
+
+
 def surface_in_sight(
     point: np.ndarray,
     wave: np.ndarray,
@@ -75,13 +84,13 @@ def surface_in_sight(
         return up * (over_mesh - np.sum(slope * to_eye[:, :2], axis=1))
 
     over_mesh = to_eye[:, 2] - np.sum(mesh_slope * to_eye[:, :2], axis=1)
-    least_facing = LEAST_FACING * np.abs(to_eye[:, 2]) + 1e-3
+    least_approach = LEAST_APPROACH * np.abs(to_eye[:, 2]) + 1e-3
     slope = waves.slope(packed, point[:, :2] - origin)
     above = wave - waves.height(packed, point[:, :2] - origin)
     way, best = np.zeros(len(point)), np.abs(above)
     found = SurfacePoint(point.astype(np.float64), mesh_slope + slope)
     for _ in range(SURFACE_STEPS):
-        way = np.minimum(way - up * above / np.maximum(facing(slope), least_facing), most)
+        way = np.minimum(way - up * above / np.maximum(facing(slope), least_approach), most)
         position = point + way[:, None] * to_eye
         slope = waves.slope(packed, position[:, :2] - origin)
         height = wave + way * over_mesh

@@ -4,6 +4,7 @@
 
 #include "camera_lib.glsl"
 #include "waves_lib.glsl"
+#include "surface_lib.glsl"
 #include "optics_lib.glsl"
 #include "glow_lib.glsl"
 #ifdef SHADOWS
@@ -32,8 +33,9 @@ bool hidden_in_picture(float depth)
 void main()
 {
   vec3 to_eye = pass_view.eye.w > 0.5 ? pass_view.eye.xyz : normalize(pass_view.eye.xyz - v_position);
-  vec2 slope = v_slope + wave_slope(v_position.xy - water.plane.xy);
-  vec3 normal = face_viewer(normalize(vec3(-slope, 1.0)), to_eye);
+  float most = most_towards_eye(pass_view.eye, v_position);
+  SurfacePoint surface = surface_in_sight(v_position, v_wave, v_slope, to_eye, most, 1.0);
+  vec3 normal = face_viewer(normalize(vec3(-surface.slope, 1.0)), to_eye);
   float mirrored = highlight(reflect_direction(-to_eye, normal), lights.sun_direction.xyz, lobe.x, lobe.y);
   // Derivatives before any branch. The triangle seen from below mirrors what is under water.
   vec3 face = cross(dFdx(v_position), dFdy(v_position));
@@ -44,7 +46,7 @@ void main()
   }
 #ifdef SHADOWS
   if (mirrored > 0.0) {
-    mirrored *= sun_visibility(v_position, normal);
+    mirrored *= sun_visibility(surface.position, normal);
   }
 #endif
   out_highlight = mirrored;

@@ -19,9 +19,6 @@
 #  include "view_transform_lib.glsl"
 #endif
 
-// Part of the way to the eye that the surface may be nearer than its mesh.
-#define NEARER 0.9
-#define ENDLESS 1e30
 #ifdef FROM_BELOW
 #  define UP -1.0
 #else
@@ -41,12 +38,14 @@ void main()
 #endif
   bool orthographic = pass_view.eye.w > 0.5;
   vec3 to_eye = orthographic ? pass_view.eye.xyz : normalize(pass_view.eye.xyz - v_position);
-  float away = orthographic ? -transform_point(pass_view.view, v_position).z : distance(pass_view.eye.xyz, v_position);
-  float most = orthographic ? ENDLESS : NEARER * away;
+  float most = most_towards_eye(pass_view.eye, v_position);
   SurfacePoint surface = surface_in_sight(v_position, v_wave, v_slope, to_eye, most, UP);
   vec3 normal = normalize(vec3(-surface.slope, 1.0));
 #ifdef FROM_BELOW
-  float path = max(away - dot(surface.position - v_position, to_eye), 0.0);
+  float path = distance(pass_view.eye.xyz, surface.position);
+  if (orthographic) {
+    path = max(-transform_point(pass_view.view, surface.position).z, 0.0);
+  }
   vec3 radiance = water_radiance_from_below(surface.position, -face_viewer(-normal, to_eye), to_eye, path);
 #else
   vec3 radiance = water_radiance(surface.position, face_viewer(normal, to_eye), to_eye);

@@ -30,8 +30,3 @@ float wave_height(vec2 p)
 {
   return wave_slope_and_height(p).z;
 }
-
-vec2 wave_slope(vec2 p)
-{
-  return wave_slope_and_height(p).xy;
-}

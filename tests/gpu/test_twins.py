@@ -311,18 +311,6 @@ def test_twin_wave_height():
         compare(got, waves.height(packed, points), wave_bound(packed, points, 1.0))
 
 
-def test_twin_wave_slope():
-    for plan, packed, points in wave_cases():
-        got = evaluate(
-            ["waves_lib.glsl"],
-            {"s": ("vec2", "wave_slope(p)")},
-            uniform_buffers={"water": ("Water", water_block(plan))},
-            p=points,
-        )["s"]
-        steepness = np.linalg.norm(packed[:, :2], axis=1)
-        compare(got, waves.slope(packed, points), wave_bound(packed, points, steepness)[:, None])
-
-
 # surface_lib.glsl
 
 
@@ -343,6 +331,20 @@ def test_twin_is_in_body():
     apart = np.abs(surface.in_water_frame(points, body) - body.extent[2:]) - body.extent[:2]
     clear = np.abs(apart).min(axis=1) > 1e-5
     np.testing.assert_array_equal(got[clear], want[clear])
+
+
+def test_twin_most_towards_eye():
+    point, eye = single(RNG(9).uniform(-50, 50, (500, 3))), single([3.0, -4.0, 2.0])
+    for orthographic in (False, True):
+        given = single(np.append(eye, float(orthographic)))
+        got = evaluate(
+            ["waves_lib.glsl", "surface_lib.glsl"],
+            {"m": ("float", "most_towards_eye(e, p)")},
+            uniform_buffers={"water": ("Water", water_block(planned()))},
+            e=np.broadcast_to(given, (500, 4)),
+            p=point,
+        )["m"]
+        compare(got, surface.most_towards_eye(eye, point, orthographic=orthographic), 0.0, 4 * EPS)
 
 
 def turned(heading):
