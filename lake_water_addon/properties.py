@@ -394,8 +394,8 @@ class LakeWaterSceneSettings(bpy.types.PropertyGroup):
     least_grid_resolution: IntProperty(
         name="Least Grid Resolution",
         description="Vertices along each side of every grid of water, where its own resolution is lower. "
-        "Raise it where the shore, or crests before others, look angular: what the water shows is found between "
-        "the vertices, too",
+        "Raise it where the shore, or crests before others, look angular: what the water shows is found "
+        "between the vertices, too",
         default=DEFAULTS.least_grid_resolution,
         min=2,
         max=1024,

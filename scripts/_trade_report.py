@@ -32,7 +32,7 @@ class Engine:
     """A picture by another engine. values: `flip`, `ratio`, `seconds` and more.
 
     others: part of the processor that other programs had. to_converged: FLIP on the water from Cycles'
-    converged picture.
+    converged picture; commit: of the extension, whose nodes it rendered.
     """
 
     scene: str
@@ -46,6 +46,7 @@ class Engine:
     picture: np.ndarray | None
     others: float
     to_converged: float = math.nan
+    commit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +151,7 @@ def _engines(measured: Measured) -> list[Engine]:
                 numbers,
                 picture,
                 float(line["shared"] or 0.0),
+                commit=line["commit"],
             )
         )
     compared = []
@@ -584,6 +586,7 @@ def _flip(
 def _about(measured: Measured) -> str:
     machine, about = measured.about["machine"], measured.about
     commits = list(dict.fromkeys(line["commit"] for line in measured.lines.values() if line.get("commit")))
+    other = ", ".join(dict.fromkeys(e.commit for e in measured.engines if e.commit))
     width, height = measured.rows[0].size
     shared = [row["shared"] for row in measured.rows if "shared" in row.values] or [math.nan]
     points = Counter(row.scene for row in measured.rows if {"ratio", "flip"} <= row.values.keys())
@@ -591,7 +594,8 @@ def _about(measured: Measured) -> str:
     return (
         f"{machine['renderer']}, {machine['driver']}, {machine['cores']} cores, Blender "
         f"{machine['blender']}; "
-        f"{width} × {height}; measured {about['began']} to {about['ended']} at commit {', '.join(commits)}; "
+        f"{width} × {height}; measured {about['began']} to {about['ended']} at commit {', '.join(commits)}"
+        f"{f', EEVEE and Cycles at {other}' if other else ''}; "
         f"references of {float(about['photons']):.0e} photons in each window and {about['rays']} rays a "
         f"pixel. While times were measured, other programs had {_percent(float(np.median(shared)), 0)} of "
         f"the processor (median; at most {_percent(max(shared), 0)}). Points with time and error: {counted}."
