@@ -37,11 +37,6 @@ class SurfacePoint(NamedTuple):
     slope: np.ndarray
 
 
-def greatest_height(packed: np.ndarray) -> float:
-    """An upper bound of the waves' height, m, from `waves.pack`'s rows."""
-    return float(np.abs(packed[:, 2]).sum())
-
-
 def frame_axes(body: BodyPlan) -> np.ndarray:
     """(2, 2) the water frame's axes in its columns."""
     c, s = np.cos(body.body.heading), np.sin(body.body.heading)
@@ -79,6 +74,7 @@ def surface_in_sight(
     (n, 3) unit; most: m towards the eye that the surface may be away; up: 1 seen from the air, -1 from below.
     """
     packed, origin = body.packed_waves, body.origin[:2]
+    greatest = waves.max_height(body.body.settings.waves)
 
     def facing(slope: np.ndarray) -> np.ndarray:
         return up * (over_mesh - np.sum(slope * to_eye[:, :2], axis=1))
@@ -96,7 +92,7 @@ def surface_in_sight(
         height = wave + way * over_mesh
         above = height - waves.height(packed, position[:, :2] - origin)
         better = (np.abs(above) < best) & (facing(slope) > 0.0)
-        better &= (np.abs(height) <= greatest_height(packed)) & is_in_body(position, body)
+        better &= (np.abs(height) <= greatest) & is_in_body(position, body)
         best = np.where(better, np.abs(above), best)
         found = SurfacePoint(
             np.where(better[:, None], position, found.position),

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from gpu.types import Buffer, GPUUniformBuf
 
-from ..core import cameras, optics, surface, technique_settings, waves
+from ..core import cameras, optics, technique_settings, waves
 from ..core.plan import CASCADES, BodyPlan, FramePlan, TexturePass
 from ..core.technique_settings import TechniqueSettings
 from ..core.under_water import HEIGHT_TEXELS, HeightMap, NearPlane
@@ -106,7 +106,7 @@ def water(plan: FramePlan, body: BodyPlan, *, from_below: bool = False) -> list[
     n12 = 1.0 / settings.ior
     reflection_steps = body.under.steps if from_below else frame.reflection_steps
     refraction_steps = frame.refraction_steps or frame.intersection_steps
-    greatest = surface.greatest_height(body.packed_waves)
+    greatest = waves.max_height(settings.waves)
     packed = np.zeros((MAX_WAVES, 4))
     packed[: len(body.packed_waves)] = body.packed_waves
     return [

@@ -28,7 +28,7 @@ def drawn(count=2000, elevation=(0.3, 1.5), up=1.0):
 def water_body(waves_of_case, extent=(90.0, 90.0, 0.0, 0.0)):
     """What of a planned body counts here."""
     packed = waves.pack(waves_of_case, 1.0, 4.0)
-    of = SimpleNamespace(heading=0.4)
+    of = SimpleNamespace(heading=0.4, settings=SimpleNamespace(waves=waves_of_case))
     return SimpleNamespace(origin=ORIGIN, packed_waves=packed, extent=extent, body=of)
 
 
